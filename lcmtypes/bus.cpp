@@ -170,6 +170,7 @@ struct Bus::Impl {
     }
   }
 
+  std::function<void(std::string_view, std::span<const std::uint8_t>)> copy;
   LcmUrl url;
   std::optional<Key> key;
   std::vector<Subscription> subscriptions;
@@ -206,12 +207,18 @@ bool Bus::publish(const char* channel, std::span<const std::uint8_t> data) noexc
     data = tagged;
   }
   if (impl_->url.multicast && data.size() > largest_packet_message) return false;
+  if (impl_->copy) impl_->copy(channel, data);
   if (impl_->log) {
     const std::lock_guard lock(impl_->log_mutex);
     return impl_->log->write(wall_clock_us(), channel, data);
   }
   return lcm_publish(impl_->lcm.get(), channel, data.data(),
                      static_cast<unsigned int>(data.size())) == 0;
+}
+
+void Bus::copy_published(
+    std::function<void(std::string_view, std::span<const std::uint8_t>)> copy) {
+  impl_->copy = std::move(copy);
 }
 
 void Bus::finish() {

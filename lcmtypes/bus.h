@@ -76,6 +76,11 @@ class Bus {
   /// example because it is larger than a UDP packet.
   bool publish(const char* channel, std::span<const std::uint8_t> data) noexcept;
 
+  /// publish() gives every message to `copy` too, as it is sent, including the tag if there is a
+  /// key; in the publishing thread. `copy` must not throw. To be called before the first publish().
+  void copy_published(
+      std::function<void(std::string_view channel, std::span<const std::uint8_t> data)> copy);
+
   /// Closes a log that is written; to be called after the last publish(). Throws BusError if the
   /// log is not complete, for example on a full disk.
   void finish();

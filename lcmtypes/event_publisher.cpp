@@ -35,6 +35,15 @@ int checked_contacts(int contacts) {
                               std::to_string(max_contacts));
 }
 
+Bus open_bus(const PublisherSettings& settings) {
+  Bus bus(settings.url, settings.key);
+  if (settings.copy) {
+    bus.copy_published([copy = settings.copy](std::string_view,
+                                              std::span<const std::uint8_t> data) { copy(data); });
+  }
+  return bus;
+}
+
 void check_time(double t) {
   if (t >= 0.0 && std::isfinite(t)) return;
   throw std::invalid_argument("t is " + std::to_string(t) + "; must be a number >= 0");
@@ -47,7 +56,7 @@ class EventPublisher::Core {
   Core(int contacts, const PublisherSettings& settings)
       : contacts_(checked_contacts(contacts)),
         paced_(!std::isinf(settings.speed)),
-        bus_(settings.url, settings.key),
+        bus_(open_bus(settings)),
         sender_(bus_, contacts, checked_speed(settings.speed)),
         beats_([this](const std::stop_token& stop) { beat(stop); }) {}
   Core(const Core&) = delete;

@@ -10,8 +10,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "lcmtypes/key.h"
@@ -24,6 +26,9 @@ struct PublisherSettings {
   std::string url = default_url;
   std::optional<Key> key = std::nullopt;
   double speed = 1.0;  ///< simulated s per wall s, > 0; +infinity: unpaced
+  /// Receives every message as it is sent on SPRAG_CONTACTS, for a recording. Called in several
+  /// threads, but not at the same time; must not throw.
+  std::function<void(std::span<const std::uint8_t> message)> copy = nullptr;
 };
 
 class EventPublisher {

@@ -10,6 +10,7 @@
 
 #include "command_line/printable.h"
 #include "command_line/program.h"
+#include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
 #include "lcmtypes/state_codec.h"
@@ -251,6 +252,7 @@ int run_master(const Scene& scene, const MasterOptions& options, const CommonOpt
   if (std::isinf(options.speed) && std::isinf(options.duration)) {
     throw UsageError("--speed max needs --duration: an unpaced run has no natural end");
   }
+  require_inputs_until(scene, options.duration, "--duration");
   require_start_outside(scene);
   MasterProcess process(scene, options, common);
   try {

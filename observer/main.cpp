@@ -1,5 +1,9 @@
 // observer: estimates a machine's full state from the times at which its contacts close and open,
 // live or from a recording. The real-time loop is RealTimeLoop::run() in real_time_loop.cpp.
+#include <cmath>
+#include <iostream>
+
+#include "command_line/scene_inputs.h"
 #include "observer/command.h"
 #include "observer/live.h"
 #include "observer/smoothing.h"
@@ -17,6 +21,15 @@ int main(int argc, char** argv) {
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(command.scene, common);
     sprag::complete(command);
+    if (command.options.estimator == sprag::EstimatorKind::adaptive) {
+      sprag::refuse_recorded_inputs(scene, "--estimator adaptive");
+    }
+    if (std::isfinite(command.options.duration)) {
+      sprag::require_inputs_until(scene, command.options.duration, "--duration");
+    } else if (const double end = sprag::end_of_inputs(scene.model); std::isfinite(end)) {
+      std::cerr << "the recorded input ends at t = " << end
+                << "; after it the observer holds its last value, which is not the machine's\n";
+    }
     if (command.smooth) {
       return sprag::run_smoothing(scene, command.options, command.replay, common, report);
     }

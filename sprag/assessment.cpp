@@ -460,7 +460,9 @@ Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token
   a.modes = modes(dynamics);
   for (const Mode& mode : a.modes) a.omega_max = std::max(a.omega_max, mode.omega);
   a.moreau_tick = two_pi / (moreau_ticks_per_period * a.omega_max);
-  a.trial = run_trial(scene, trial_duration(scene, dynamics, a), limits);
+  // A trial ends with the recorded inputs.
+  const double longest = std::min(trial_duration(scene, dynamics, a), end_of_inputs(scene.model));
+  a.trial = run_trial(scene, longest, limits);
 
   findings.push_back(directions_finding(a, contacts));
   findings.push_back(contacts_open_again(a.trial));

@@ -16,6 +16,7 @@
 #include "sprag/contact_event.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/error.h"
+#include "sprag/sampled_input.h"
 
 namespace sprag {
 
@@ -26,11 +27,12 @@ struct Harmonic {
   double phase = 0.0;      ///< [rad]
 };
 
-/// \brief Adds direction (constant + harmonic(t)) to f(t).
+/// \brief Adds direction (constant + harmonic(t) + input(t)) to f(t).
 struct Force {
-  Eigen::VectorXd direction;  ///< f entries
-  double constant = 0.0;      ///< constant part
-  Harmonic harmonic;          ///< harmonic part
+  Eigen::VectorXd direction;       ///< f entries
+  double constant = 0.0;           ///< constant part
+  Harmonic harmonic;               ///< harmonic part
+  SampledInputPointer input = {};  ///< sampled part a(t); null: none
 };
 
 /// \brief One unilateral contact.
@@ -43,6 +45,8 @@ struct Contact {
   /// its machine (reduction.h). Empty: epsilon_i. Events of kind `closes` have restitution 0
   /// anyway.
   std::optional<double> replica_restitution = {};
+  SampledInputPointer input = {};  ///< adds input_share e(t) to s_i(t); null: none
+  double input_share = 0.0;        ///< 0 without an input
 };
 
 /// \brief Restitution that a replica uses for pulses.
@@ -89,11 +93,11 @@ struct Model {
 /// \return true if it has none.
 inline bool is_homogeneous(const Model& model) {
   const auto no_force = [](const Force& force) {
-    return (force.constant == 0.0 && force.harmonic.amplitude == 0.0) ||
+    return (force.constant == 0.0 && force.harmonic.amplitude == 0.0 && !force.input) ||
            force.direction.isZero(0.0);
   };
   const auto at_zero = [](const Contact& contact) {
-    return contact.clearance == 0.0 && contact.motion.amplitude == 0.0;
+    return contact.clearance == 0.0 && contact.motion.amplitude == 0.0 && !contact.input;
   };
   return std::all_of(model.forces.begin(), model.forces.end(), no_force) &&
          std::all_of(model.contacts.begin(), model.contacts.end(), at_zero);
@@ -142,13 +146,38 @@ inline Harmonic second_derivative(const Harmonic& harmonic) {
           harmonic.phase};
 }
 
+/// \brief Motion of a contact's support.
+/// \param contact the contact.
+/// \param t time [s].
+/// \return s_i(t) [m].
+inline double support_motion(const Contact& contact, double t) {
+  const double harmonic = value(contact.motion, t);
+  return contact.input ? harmonic + contact.input_share * contact.input->displacement(t) : harmonic;
+}
+/// \brief Velocity of a contact's support.
+/// \param contact the contact.
+/// \param t time [s].
+/// \return s_i'(t) [m/s].
+inline double support_velocity(const Contact& contact, double t) {
+  const double harmonic = rate(contact.motion, t);
+  return contact.input ? harmonic + contact.input_share * contact.input->velocity(t) : harmonic;
+}
+/// \brief Whether a sampled input acts on the machine.
+/// \param model the machine.
+/// \return true if a force or a support has one.
+bool has_sampled_inputs(const Model& model);
+/// \brief End of the time for which all inputs of a machine are given.
+/// \param model the machine.
+/// \return the earliest SampledInput::end() of its inputs, else infinity [s].
+double end_of_inputs(const Model& model);
+
 /// \brief Gap g_i(q, t).
 /// \param contact the contact.
 /// \param q coordinates, f entries.
 /// \param t time [s].
 /// \return the gap [m]; negative inside the support.
 inline double gap(const Contact& contact, const Eigen::VectorXd& q, double t) {
-  return contact.w.dot(q) + value(contact.motion, t) + contact.clearance;
+  return contact.w.dot(q) + support_motion(contact, t) + contact.clearance;
 }
 /// \brief Scale of the rounding errors of a gap.
 /// \param contact the contact.
@@ -161,7 +190,7 @@ double gap_scale(const Contact& contact, const Eigen::VectorXd& q);
 /// \param t time [s].
 /// \return the gap velocity [m/s].
 inline double gap_velocity(const Contact& contact, const Eigen::VectorXd& u, double t) {
-  return contact.w.dot(u) + rate(contact.motion, t);
+  return contact.w.dot(u) + support_velocity(contact, t);
 }
 
 }  // namespace sprag

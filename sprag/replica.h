@@ -98,8 +98,9 @@ class Replica {
     if (state.chi != 0) return 0;
     for (const std::int64_t last = state.tick + n; state.tick < last;) {
       ++state.tick;
-      flight_.step(state.tick, state.motion, state.anchor);
+      flight_.step_modes(state.tick, state.motion, state.anchor);
     }
+    if (n > 0 && flight_.sampled()) flight_.set_inputs(state.tick, state.motion);
     return n;
   }
 

@@ -3,7 +3,7 @@
 namespace sprag {
 
 Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame) {
-  return {-(M * frame.influence), 0.0, second_derivative(frame.motion)};
+  return {-(M * frame.influence), 0.0, second_derivative(frame.motion), frame.input};
 }
 
 Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame) {

@@ -34,11 +34,12 @@ struct Adaptation {
 /// The frame's motion e(t) acts as the force -M r e''(t), and moves supports on the ground by
 /// w_i^T r e(t).
 struct ShakenFrame {
-  Eigen::VectorXd influence;   ///< r, f entries: q of the ground's motion by 1 with the machine
-                               ///< keeping its shape
-  Harmonic motion;             ///< e(t)
-  std::size_t force = 0;       ///< index of -M r e''(t) in the model's forces
-  std::vector<int> on_ground;  ///< contacts whose support moves by w_i^T r e(t), from 0
+  Eigen::VectorXd influence;       ///< r, f entries: q of the ground's motion by 1 with the machine
+                                   ///< keeping its shape
+  Harmonic motion;                 ///< harmonic part of e(t)
+  std::size_t force = 0;           ///< index of -M r e''(t) in the model's forces
+  std::vector<int> on_ground;      ///< contacts whose support moves by w_i^T r e(t), from 0
+  SampledInputPointer input = {};  ///< sampled part of e(t) and e''(t); null: none
 };
 
 /// \brief Force of a shaken frame.

@@ -13,6 +13,7 @@
 
 #include "sprag/detail/files/confidence_columns.h"
 #include "sprag/detail/files/parameters_table.h"
+#include "sprag/detail/files/sampled_input_table.h"
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/detail/mechanics/definiteness.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
@@ -33,14 +34,23 @@ Harmonic read_harmonic(const TomlTable& table) {
           .phase = table.number_or("phase", 0.0, any_number)};
 }
 
-// Reads e(t), the motion of the frame.
-Harmonic read_frame_motion(const TomlTable& table) {
-  const Harmonic excitation = read_harmonic(table);
+// The motion e(t) of a frame.
+struct FrameMotion {
+  Harmonic harmonic;
+  SampledInputPointer input;
+};
+
+FrameMotion read_frame_motion(const TomlTable& table) {
+  FrameMotion motion;
+  if (table.has("file")) motion.input = read_frame_input(table);
+  if (motion.input && !has_harmonic_keys(table)) return motion;
+  motion.harmonic = read_harmonic(table);
+  const Harmonic& excitation = motion.harmonic;
   if (!std::isfinite(second_derivative(excitation).amplitude)) {
     table.fail("frequency", "is " + to_text(excitation.frequency) +
                                 "; must be smaller (amplitude frequency^2 overflows)");
   }
-  return excitation;
+  return motion;
 }
 
 std::vector<TomlTable> read_contact_tables(const TomlTable& root, TomlKeys keys) {
@@ -122,13 +132,17 @@ Beam read_beam_table(const TomlTable& table) {
   return beam;
 }
 
-Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmonic& excitation) {
+Contact read_beam_contact(const TomlTable& table, const Beam& beam, const FrameMotion& excitation) {
   const double x_c = table.number("position", {0.0, beam.length, true});
   const Side side = table.choice("side", {"below", "above"}) == "below" ? Side::below : Side::above;
   const bool on_ground = table.choice("mount", {"ground", "frame"}) == "ground";
   // read_impact() reads the restitution.
   Contact contact = beam_contact(beam, x_c, side, table.number_or("clearance", 0.0, any_number),
-                                 0.0, on_ground ? excitation : Harmonic{});
+                                 0.0, on_ground ? excitation.harmonic : Harmonic{});
+  if (on_ground && excitation.input) {
+    contact.input = excitation.input;
+    contact.input_share = side == Side::below ? 1.0 : -1.0;
+  }
   if (sees_nothing(contact.w)) {
     table.fail("position", "is " + to_text(x_c) + "; must be where the beam moves (all v_i are 0)");
   }
@@ -138,16 +152,22 @@ Contact read_beam_contact(const TomlTable& table, const Beam& beam, const Harmon
 std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, Scene& scene) {
   if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
   const Beam beam = read_beam_table(table);
-  const auto frame = root.table("excitation", {"amplitude", "frequency", "phase"});
-  const Harmonic excitation = frame ? read_frame_motion(*frame) : Harmonic{};
+  const auto frame = root.table("excitation", {"amplitude", "frequency", "phase", "file", "time",
+                                               "acceleration", "displacement", "quantity", "unit",
+                                               "interpolation", "outside", "uncertainty"});
+  const FrameMotion excitation = frame ? read_frame_motion(*frame) : FrameMotion{};
   scene.beam = beam;
-  scene.model = beam_model(beam, excitation);
+  scene.model = beam_model(beam, excitation.harmonic);
+  if (excitation.input) {
+    scene.model.forces.push_back({inertia_direction(beam), 0.0, {}, excitation.input});
+  }
   std::vector<TomlTable> contacts =
       read_contact_tables(root, {"position", "clearance", "side", "mount", "restitution"});
   for (const TomlTable& contact : contacts) {
     scene.model.contacts.push_back(read_beam_contact(contact, beam, excitation));
     scene.positions.push_back(contact.number("position", any_number));
   }
+  if (frame) check_ground_supports(*frame, scene.model);
   return contacts;
 }
 
@@ -176,9 +196,10 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
   Force force{.direction = read_direction(table, f),
               .constant = table.number_or("constant", 0.0, any_number),
               .harmonic = {}};
-  const bool oscillates = table.has("amplitude") || table.has("frequency") || table.has("phase");
+  const bool oscillates = has_harmonic_keys(table);
   if (oscillates) force.harmonic = read_harmonic(table);
-  if (!oscillates && !table.has("constant")) {
+  if (table.has("file")) force.input = read_force_input(table);
+  if (!oscillates && !force.input && !table.has("constant")) {
     table.fail_here("missing key " + table.path_of("constant") + " or " +
                     table.path_of("amplitude"));
   }
@@ -186,13 +207,19 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
 }
 
 void read_system_frame(const TomlTable& root, Scene& scene) {
-  const auto table = root.table("excitation", {"influence", "amplitude", "frequency", "phase"});
+  const auto table =
+      root.table("excitation",
+                 {"influence", "amplitude", "frequency", "phase", "file", "time", "acceleration",
+                  "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty"});
   if (!table) return;
   Model& model = scene.model;
-  ShakenFrame frame{.influence = one_or_each(*table, "influence", model.coordinates()),
-                    .motion = read_frame_motion(*table),
+  Eigen::VectorXd influence = one_or_each(*table, "influence", model.coordinates());
+  const FrameMotion motion = read_frame_motion(*table);
+  ShakenFrame frame{.influence = std::move(influence),
+                    .motion = motion.harmonic,
                     .force = model.forces.size(),
-                    .on_ground = {}};
+                    .on_ground = {},
+                    .input = motion.input};
   model.forces.push_back(frame_force(model.M, frame));
   scene.frame = std::move(frame);
 }
@@ -218,6 +245,10 @@ Contact read_system_contact(const TomlTable& table, int number, Eigen::Index f,
   }
   if (frame && on_ground && !motion) {
     contact.motion = ground_motion(contact.w, *frame);
+    if (frame->input) {
+      contact.input = frame->input;
+      contact.input_share = contact.w.dot(frame->influence);
+    }
     frame->on_ground.push_back(number);
   }
   return contact;
@@ -243,7 +274,8 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
     model.C = read_semidefinite(table, "C", f);
   }
   for (const TomlTable& force :
-       root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase"})) {
+       root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase", "file",
+                             "time", "force", "unit", "interpolation", "outside", "uncertainty"})) {
     model.forces.push_back(read_force(force, f));
   }
   read_system_frame(root, scene);
@@ -253,6 +285,7 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
     const auto number = static_cast<int>(model.contacts.size());
     model.contacts.push_back(read_system_contact(contact, number, f, scene.frame));
   }
+  if (const auto frame = root.open_table("excitation")) check_ground_supports(*frame, model);
   return contacts;
 }
 
@@ -337,7 +370,7 @@ State read_state(const TomlTable& table, Eigen::Index f) {
 // Admits the rounding of q and c of a start on the support.
 bool starts_inside(const Contact& contact, const Eigen::VectorXd& q) {
   const double scale = contact.w.cwiseAbs().dot(q.cwiseAbs()) + std::abs(contact.clearance) +
-                       std::abs(value(contact.motion, 0.0));
+                       std::abs(support_motion(contact, 0.0));
   return gap(contact, q, 0.0) < -1e-12 * scale;
 }
 
@@ -524,6 +557,10 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   }
   read_events(root, scene);
   read_tolerance(root, scene);
+  for (const char* key : {"adapt", "parameters"}) {
+    if (!root.has(key) || !has_sampled_inputs(scene.model)) continue;
+    root.fail(key, "is not supported with a recorded input (the key `file`); must go");
+  }
   read_adaptation(root, scene);
   scene.prior.parameters = read_parameters(root, scene);
   scene.remarks = document.remarks();

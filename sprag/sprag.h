@@ -21,6 +21,7 @@
 #include "sprag/prediction.h"
 #include "sprag/reduction.h"
 #include "sprag/replica.h"
+#include "sprag/sampled_input.h"
 #include "sprag/scene.h"
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"

@@ -172,7 +172,7 @@ void require_outside(const Scene& scene) {
   for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
     const Contact& contact = scene.model.contacts[i];
     const double scale = contact.w.cwiseAbs().dot(scene.truth.start.q.cwiseAbs()) +
-                         std::abs(contact.clearance) + std::abs(value(contact.motion, 0.0));
+                         std::abs(contact.clearance) + std::abs(support_motion(contact, 0.0));
     require(gap(contact, scene.truth.start.q, 0.0) >= -1e-12 * scale,
             "master starts inside the support of contact " + std::to_string(i + 1));
   }

@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <cstdlib>
 #include <random>
 #include <stdexcept>
 #include <vector>
@@ -225,6 +227,74 @@ class Machine {
   bool received_ = false;
 };
 
+/// Simulates a device that prints the edges of the contact for `listen`.
+class Device {
+ public:
+  Device(const std::string& url, std::optional<Key> key, int lines)
+      : bus_(url, key), lines_(lines), start_(monotonic_now()) {
+    bus_.subscribe(estimate_channel,
+                   [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+                     if (decode(data, estimate_) != Refusal::none) return;
+                     received_ = true;
+                     if (estimate_.t >= event_ && estimate_.closed == closed_) {
+                       arrived_ = monotonic_now();
+                     }
+                   });
+  }
+
+  void heartbeat() {
+    print();
+    bus_.handle(0ms);
+  }
+
+  bool received() const { return received_; }
+
+  /// Time from the writing of a line to the first estimate that contains its edge [ns]; negative if
+  /// none came.
+  std::int64_t measure() {
+    bus_.handle(0ms);
+    closed_ ^= 1U;
+    arrived_ = 0;
+    const std::int64_t start = monotonic_now();
+    print();
+    const std::int64_t latest = start + 1000 * millisecond;
+    while (arrived_ == 0 && monotonic_now() < latest) bus_.handle(10ms);
+    return arrived_ == 0 ? -1 : arrived_ - start;
+  }
+
+ private:
+  void print() {
+    event_ = 1e-9 * static_cast<double>(monotonic_now() - start_);
+    char line[64];
+    const int size = std::snprintf(line, sizeof line, "%.9f,1,%d\n", event_, closed_ != 0 ? 1 : 0);
+    if (::write(lines_, line, static_cast<std::size_t>(size)) != size)
+      throw std::runtime_error("listen does not read its lines");
+    event_ = std::strtod(line, nullptr);
+  }
+
+  Bus bus_;
+  int lines_;  // file descriptor
+  std::int64_t start_;
+  EstimateSample estimate_;
+  double event_ = 0.0;
+  ContactSet closed_ = 0;
+  std::int64_t arrived_ = 0;
+  bool received_ = false;
+};
+
+/// Replaces this process by an observer or by `listen`.
+void become(const std::string& program, const Options& options, const CommonOptions& common,
+            const std::string& url, const std::vector<std::string>& more) {
+  std::vector<std::string> arguments{program, options.scene.string(), "--url", url};
+  if (!common.key.empty()) arguments.insert(arguments.end(), {"--key", common.key.string()});
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
+  pointers.push_back(nullptr);
+  ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
+  ::execv(program.c_str(), pointers.data());
+}
+
 void wait(std::int64_t ns) { sleep_until(monotonic_now() + ns); }
 
 }  // namespace
@@ -240,31 +310,34 @@ double Samples::us(double p) const {
 std::vector<Samples> measure(const Options& options, const CommonOptions& common, int contacts) {
   LcmPing lcm(options.lcm_url);
   UdpPing udp;
-  const Child observer([&] {
-    const std::string tick = std::to_string(options.tick);
-    std::vector<const char*> arguments{options.observer.c_str(),
-                                       options.scene.c_str(),
-                                       "--url",
-                                       common.url.c_str(),
-                                       "--estimator",
-                                       "replica",
-                                       "--tick",
-                                       tick.c_str()};
-    const std::string key = common.key.string();
-    if (!key.empty()) arguments.insert(arguments.end(), {"--key", key.c_str()});
-    if (options.real_time) arguments.push_back("--realtime");
-    arguments.push_back(nullptr);
-    ::dup2(::open("/dev/null", O_WRONLY), STDERR_FILENO);
-    ::execv(options.observer.c_str(), const_cast<char* const*>(arguments.data()));
+  std::vector<std::string> observing{"--estimator", "replica", "--tick",
+                                     std::to_string(options.tick)};
+  if (options.real_time) observing.emplace_back("--realtime");
+  const auto observe = [&](const std::string& url) {
+    become(options.observer, options, common, url, observing);
+  };
+  const Child observer([&] { observe(common.url); });
+  const Child second_observer([&] { observe(options.listen_url); });
+  int pipe[2];
+  if (::pipe2(pipe, O_CLOEXEC) != 0) throw std::runtime_error("there is no pipe");
+  const Child listen([&] {
+    ::dup2(pipe[0], STDIN_FILENO);
+    become(options.listen, options, common, options.listen_url, {"--latency", "1"});
   });
+  ::close(pipe[0]);
   Machine machine(common.url, key_of(common), contacts);
-  while (!machine.received()) {
+  Device device(options.listen_url, key_of(common), pipe[1]);
+  while (!machine.received() || !device.received()) {
     machine.heartbeat();
+    device.heartbeat();
     wait(10 * millisecond);
-    if (!observer.running()) throw std::runtime_error(options.observer + " does not run");
+    if (!observer.running() || !second_observer.running())
+      throw std::runtime_error(options.observer + " does not run");
+    if (!listen.running()) throw std::runtime_error(options.listen + " does not run");
   }
   std::mt19937 random(1);
-  std::vector<Samples> samples{{"event to estimate", {}}, {"LCM ping", {}}, {"UDP ping", {}}};
+  std::vector<Samples> samples{
+      {"event to estimate", {}}, {"LCM ping", {}}, {"UDP ping", {}}, {"line to estimate", {}}};
   for (int i = 0; i < options.events && !stop_requested(); ++i) {
     wait(2 * millisecond + static_cast<std::int64_t>(random() % (2 * millisecond)));
     machine.heartbeat();
@@ -275,7 +348,13 @@ std::vector<Samples> measure(const Options& options, const CommonOptions& common
     samples[1].add(lcm.measure());
     wait(2 * millisecond);
     samples[2].add(udp.measure());
+    machine.heartbeat();
+    device.heartbeat();
+    wait(2 * millisecond + static_cast<std::int64_t>(random() % (2 * millisecond)));
+    samples[3].add(device.measure());
+    machine.heartbeat();
   }
+  ::close(pipe[1]);
   return samples;
 }
 

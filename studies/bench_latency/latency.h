@@ -1,6 +1,7 @@
 // Latency of an observer with the replica: from the sending of a contact event to the estimate that
-// contains it. A bare LCM ping and a bare UDP ping of the same size are measured in the same run.
-// All three are round trips.
+// contains it. A bare LCM ping and a bare UDP ping of the same size are measured in the same run,
+// and the time from the writing of a line to a pipe of `listen` to the estimate of an observer that
+// follows it. All are round trips.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +15,12 @@ namespace sprag::bench_latency {
 struct Options {
   std::filesystem::path scene;
   std::string observer;
+  std::string listen;
   double tick = 1e-3;
   int events = 2000;
   bool real_time = false;
   std::string lcm_url = "udpm://239.255.76.67:7677?ttl=0";
+  std::string listen_url = "udpm://239.255.76.67:7687?ttl=0";  ///< of listen and its observer
 };
 
 struct Samples {

@@ -11,7 +11,7 @@
 int main(int argc, char** argv) {
   CLI::App app(
       "Measures the time from the sending of a contact event to the estimate that contains it, "
-      "beside bare LCM and UDP pings.",
+      "beside bare LCM and UDP pings, and from a line that listen reads.",
       "bench_latency");
   sprag::CommonOptions common;
   sprag::bench_latency::Options options;
@@ -20,6 +20,11 @@ int main(int argc, char** argv) {
   app.add_option("--observer", options.observer, "The observer's program")
       ->type_name("FILE")
       ->default_val(SPRAG_OBSERVER);
+  app.add_option("--listen", options.listen, "The program listen")
+      ->type_name("FILE")
+      ->default_val(SPRAG_LISTEN);
+  app.add_option("--listen-url", options.listen_url, "LCM address of listen and its observer")
+      ->capture_default_str();
   app.add_option("--ping-url", options.lcm_url, "LCM address of the ping")->capture_default_str();
   sprag::add_positive(app, "--tick", options.tick, "h", "The observer's tick [1e-3]");
   app.add_option("--events", options.events, "How many events and pings")
@@ -46,6 +51,11 @@ int main(int argc, char** argv) {
     const double p99 = event.us(0.99) / std::max(ping.us(0.99), 1e-3);
     std::printf("event to estimate / LCM ping: p50 %.2f, p99 %.2f\n", p50, p99);
     report["event_to_ping"] = {{"p50", p50}, {"p99", p99}};
+    const auto& line = samples[3];
+    const double line_p50 = line.us(0.5) / std::max(event.us(0.5), 1e-3);
+    const double line_p99 = line.us(0.99) / std::max(event.us(0.99), 1e-3);
+    std::printf("line to estimate / event to estimate: p50 %.2f, p99 %.2f\n", line_p50, line_p99);
+    report["line_to_event"] = {{"p50", line_p50}, {"p99", line_p99}};
     return sprag::exit_done;
   });
 }

@@ -87,6 +87,10 @@ TEST(SceneWriter, ShippedScenesRoundTripBitForBit) {
   for (const auto& entry : std::filesystem::directory_iterator(SPRAG_SOURCE_DIR "/scenes")) {
     if (entry.path().extension() != ".toml") continue;
     const Scene scene = read_scene(entry.path());
+    if (has_sampled_inputs(scene.model)) {
+      EXPECT_THROW(to_toml(scene, ""), SceneError) << entry.path();
+      continue;
+    }
     const Scene again = written_and_read(scene);
     EXPECT_EQ(bits_of(again), bits_of(scene)) << entry.path();
     EXPECT_EQ(again.name, scene.name);

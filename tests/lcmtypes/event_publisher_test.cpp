@@ -12,6 +12,7 @@
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/estimate_listener.h"
 #include "sprag/detail/events/event_history.h"
+#include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 
 namespace sprag {
@@ -82,6 +83,31 @@ TEST(EventPublisher, EventsAreSentOnceHorizonReachesThem) {
   } while (true);
   EXPECT_EQ(receiver.reports.back().records_total, 3);
   EXPECT_EQ(receiver.reports.back().closed, 0U);
+}
+
+// The copy is what the network gets, with the tag.
+TEST(EventPublisher, CopiesEveryMessageAsSent) {
+  const std::string url = test::udp_url();
+  const test::TemporaryDirectory directory;
+  const Key key(test::write_text(directory / "key", std::string(64, '7') + "\n"));
+  Bus receiver(url, key);
+  std::vector<std::vector<std::uint8_t>> received, copied;
+  receiver.subscribe(contacts_channel,
+                     [&](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
+                       const auto sent = receiver.as_sent(data);
+                       received.emplace_back(sent.begin(), sent.end());
+                     });
+  EventPublisher publisher(
+      1, {.url = url, .key = key, .copy = [&](std::span<const std::uint8_t> message) {
+            copied.emplace_back(message.begin(), message.end());
+          }});
+  publisher.take({0.5, 0, pulse});
+  publisher.set_horizon(1.0);
+  publisher.close();
+  while (receiver.handle(500ms) > 0) continue;
+  EXPECT_GE(copied.size(), 20U);
+  EXPECT_EQ(copied.size(), static_cast<std::size_t>(publisher.sent()));
+  EXPECT_EQ(received, copied);
 }
 
 TEST(EventPublisher, HeartbeatsContinueAndLastMessageIsRepeated) {

@@ -397,7 +397,7 @@ correlation = [["beam.damping", "excitation.amplitude", 0.5]]
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
     const auto& of = json["parameters"][k];
     const std::string& key = parameters.keys[k];
-    EXPECT_EQ(key, of["parameter"]);
+    EXPECT_EQ(nlohmann::json(key), of["parameter"]);
     const double sigma = of["sigma"].get<double>();
     EXPECT_NEAR(parameters.sigma[static_cast<Eigen::Index>(k)], sigma, 1e-12 * sigma) << key;
     EXPECT_EQ(parameters.consider[k], key == "beam.damping") << key;

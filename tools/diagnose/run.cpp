@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
+#include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "tools/diagnose/diagnosis.h"
 #include "tools/diagnose/print.h"
@@ -12,6 +13,7 @@ namespace sprag {
 int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
+  refuse_recorded_inputs(scene, "diagnose");
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
                            AfterLoss::dropped, common, report);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "command_line/program.h"
+#include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/files/output_file.h"
 #include "tools/identify/fitted_text.h"
@@ -55,6 +56,7 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
+  refuse_recorded_inputs(scene, "identify");
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");

@@ -77,8 +77,9 @@ std::string_view content_of(std::string_view field) {
   return field;
 }
 
-/// Splits a line; false if a quote is not closed.
-bool split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
+}  // namespace
+
+bool split_line(std::string_view line, char separator, std::vector<std::string_view>& fields) {
   fields.clear();
   while (true) {
     const auto length = field_length(line, separator);
@@ -89,10 +90,12 @@ bool split(std::string_view line, char separator, std::vector<std::string_view>&
   }
 }
 
+namespace {
+
 char separator_of(std::string_view header) {
   std::vector<std::string_view> fields;
   for (const char candidate : {'\t', ';', ','}) {
-    if (split(header, candidate, fields) && fields.size() > 1) return candidate;
+    if (split_line(header, candidate, fields) && fields.size() > 1) return candidate;
   }
   return ';';
 }
@@ -153,7 +156,7 @@ ColumnFile read_header(Lines lines, const std::string& file, std::optional<char>
   ColumnFile result;
   result.separator = separator.value_or(separator_of(*header));
   std::vector<std::string_view> fields;
-  if (!split(*header, result.separator, fields))
+  if (!split_line(*header, result.separator, fields))
     throw InputError(located(file, lines.number(), "a quote in the header is not closed"));
   if (std::ranges::all_of(fields, [](std::string_view field) {
         return field.empty() || parse_decimal(field, DecimalMark::point_or_comma);
@@ -174,7 +177,7 @@ ColumnFile name_columns(Lines lines, const std::string& file, std::optional<char
   const std::string_view first = lines.next().value_or("");
   std::vector<std::string_view> fields;
   const auto makes_as_many = [&](char candidate) {
-    return split(first, candidate, fields) && fields.size() == names.size();
+    return split_line(first, candidate, fields) && fields.size() == names.size();
   };
   const bool one_time =
       parse_clock_time(content_of(first), DecimalMark::point_or_comma).has_value();
@@ -205,7 +208,7 @@ ColumnFile parse_columns(std::string_view text, const std::string& file,
   std::vector<std::string_view> fields;
   while (const auto line = lines.next()) {
     check_interrupt();
-    if (!split(*line, result.separator, fields)) {
+    if (!split_line(*line, result.separator, fields)) {
       result.problems.push_back({lines.number(), "", "a quote is not closed"});
       continue;
     }

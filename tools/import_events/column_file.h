@@ -47,6 +47,10 @@ struct ColumnFile {
 /// "comma", "semicolon", "tab" or the character itself; nullopt for any other text.
 std::optional<char> parse_separator(std::string_view text);
 
+/// Splits a line into its fields, without surrounding blanks and quotes. Returns false if a quote
+/// is not closed.
+bool split_line(std::string_view line, char separator, std::vector<std::string_view>& fields);
+
 /// Reads the columns of `text`, which must outlive them. `separator`: if not specified, it is the
 /// first of tab, semicolon and comma that occurs in the header. A file with a single column counts
 /// as separated by semicolons, so that its commas are decimal commas. `names`: column names of a

@@ -1,16 +1,8 @@
 // Turns columns of time stamps into the contact events of a machine.
 //
 // A column of impacts contains their times: all are pulses. A pair of columns contains the times at
-// which a contact closes (on) and opens (off), each in any order. Rules, with times in seconds:
-// * Debouncing of contacts: if the time from the last opening of a contact to its next closing is
-//   shorter than `debounce`, both are one contact, which closes at the first closing and opens at
-//   the last opening. A closing while closed, or an opening while open, within that time after the
-//   previous one is also a bounce.
-// * Debouncing of impacts: if the time from the last impact to the next is shorter, they are one
-//   impact at the time of the first. Bounces chain.
-// * Pulses: if the time from a contact's closing to its opening, after debouncing, is shorter than
-//   `pulse_shorter_than`, or zero, it is a pulse at the closing. Other contacts are sustained.
-// A time that equals the limit within the rounding of its ends is not shorter.
+// which a contact closes (on) and opens (off), each in any order. The rules for bounces
+// and pulses are those of tools/edges/contact_edges.h.
 #pragma once
 
 #include <cstdint>

@@ -95,16 +95,15 @@ std::vector<std::string> expand_levels(const LevelOptions& options, const std::s
     // The time column's name at the end provides the unit.
     const std::string of = name + " at " + columns.columns[times].name;
     Column rises{of, {}}, falls{of, {}}, edges{of, {}};
-    bool before = false;
-    for (std::size_t i = 0; i < levels.size(); ++i) {
-      const bool high = (levels[i].value > threshold) != options.inverted;
-      if (i == 0) {
-        if (high && options.impacts == Edge::closed) rises.cells.push_back(*levels[i].time);
-      } else if (high != before) {
-        (high ? rises : falls).cells.push_back(*levels[i].time);
-        edges.cells.push_back(*levels[i].time);
-      }
-      before = high;
+    LevelEdges edges_of(threshold, options.inverted);
+    for (const Level& level : levels) {
+      const bool first = !edges_of.high();
+      const LevelChange change = edges_of.take(level.value);
+      if (first && *edges_of.high() && options.impacts == Edge::closed)
+        rises.cells.push_back(*level.time);
+      if (change == LevelChange::none) continue;
+      (change == LevelChange::rises ? rises : falls).cells.push_back(*level.time);
+      edges.cells.push_back(*level.time);
     }
     const auto add = [&](Column& column) {
       columns.columns.push_back(std::move(column));

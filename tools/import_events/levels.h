@@ -6,12 +6,11 @@
 #include <string>
 #include <vector>
 
+#include "tools/edges/level_edges.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/column_file.h"
 
 namespace sprag {
-
-enum class Edge { closed, rising, falling, both };
 
 struct LevelOptions {
   std::string time = {};                 ///< the column of times; empty: found by its name

@@ -9,6 +9,19 @@ class App;
 
 namespace sprag {
 
+/// Options that import_events and listen have in common. What they fill must outlive `app`.
+/// --level.
+void add_level_columns(CLI::App& app, std::vector<ColumnOption>& columns);
+/// --time, --threshold, --inverted, --impacts-at.
+void add_level_options(CLI::App& app, LevelOptions& levels);
+/// --unit, --offset.
+void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset);
+/// --columns, --separator.
+void add_format_options(CLI::App& app, std::vector<std::string>& names,
+                        std::optional<char>& separator);
+/// --debounce, --pulse-shorter-than.
+void add_edge_rules(CLI::App& app, double& debounce, double& pulse_shorter_than);
+
 /// Adds all options but the common ones, FILE, SCENE and --output. Parsing fills `run`, which must
 /// outlive `app`.
 void add_import_options(CLI::App& app, ImportRun& run);

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
+#include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
@@ -25,6 +26,7 @@ std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
 
 int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
+  if (!run.output.empty()) refuse_recorded_inputs(scene, "--output");
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded =

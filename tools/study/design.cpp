@@ -166,6 +166,13 @@ Setting setting_of(const Study& study, const std::vector<double>& values) {
   if (setting.observer.model.coordinates() > setting.machine.model.coordinates()) {
     throw Error("the observer has more coordinates than the machine; must be as many at most");
   }
+  const double end =
+      std::min(end_of_inputs(setting.machine.model), end_of_inputs(setting.observer.model));
+  if (setting.duration > end) {
+    throw Error("the recorded input ends at t = " + std::to_string(end) +
+                ", before the study's duration; the duration must be shorter, or the scene must "
+                "have outside = \"zero\" or \"hold\"");
+  }
   if (!jitter_given) setting.disturbance.jitter = setting.machine.prior.jitter;
   if (modes > 0) {
     setting.observer = in_modes(setting.observer, modes);

@@ -40,11 +40,13 @@ double first_guess(const Scene& scene) {
 
 // Closings per unit of time, from a run that is long enough.
 double look_at_closings(const Scene& scene) {
-  double duration = first_guess(scene);
-  for (int attempt = 0; attempt < 12; ++attempt, duration *= 2.0) {
+  const double end = end_of_inputs(scene.model);
+  double duration = std::min(first_guess(scene), end);
+  for (int attempt = 0; attempt < 12; ++attempt, duration = std::min(2.0 * duration, end)) {
     const Trial trial = run_trial(scene, duration, {});
     if (!trial.error.empty()) throw Error(trial.error);
-    if (static_cast<double>(trial.closings) >= wanted_closings || attempt == 11) {
+    if (static_cast<double>(trial.closings) >= wanted_closings || attempt == 11 ||
+        duration >= end) {
       if (trial.closings == 0) break;
       return trial.closings_per_time();
     }
@@ -74,6 +76,8 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
   }
   closings_per_time_ = look_at_closings(scene_);
   duration_ = settings.duration > 0.0 ? settings.duration : enough_closings / closings_per_time_;
+  const double end = end_of_inputs(scene_.model);
+  duration_ = std::min(duration_, end);
   study::Truth first = study::run_machine(scene_, duration_, 0.0, samples);
   motion_energy_ = motion_energy_of(first);
   target_ = settings.target > 0.0 ? settings.target : usual_target * motion_energy_;
@@ -82,7 +86,7 @@ Bench::Bench(const Scene& scene, const Settings& settings, int threads)
     const study::Figures figures =
         study::follow(EstimatorKind::replica, scene_, first.events, first, 0.1 * target_);
     const double needed = 2.0 * figures.time_below + enough_closings / closings_per_time_;
-    const double longest = most_closings / closings_per_time_;
+    const double longest = std::min(most_closings / closings_per_time_, end);
     const bool down = std::isfinite(figures.time_below);
     if (down && needed <= duration_) break;
     if (duration_ >= longest) break;

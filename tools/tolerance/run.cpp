@@ -9,6 +9,7 @@
 #include <optional>
 #include <thread>
 
+#include "command_line/scene_inputs.h"
 #include "sprag/detail/files/output_file.h"
 #include "sprag/reduction.h"
 #include "tools/plot/script_text.h"
@@ -51,6 +52,7 @@ void show_progress(double part) {
 
 int run_tolerance(ToleranceRun run, const CommonOptions& common, nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
+  require_inputs_until(scene, run.settings.duration, "--duration");
   run.settings.estimators = estimators_named(run.estimators);
   const auto& chosen = run.settings.estimators;
   if (run.modes &&

@@ -176,7 +176,7 @@ double Watch::value_of(const Quantity& quantity, const Eigen::VectorXd& q, const
   switch (quantity.kind) {
     case Quantity::Kind::gap: {
       const Contact& contact = scene_.model.contacts[quantity.index];
-      return contact.w.head(n).dot(q) + value(contact.motion, t) + contact.clearance;
+      return contact.w.head(n).dot(q) + support_motion(contact, t) + contact.clearance;
     }
     case Quantity::Kind::coordinate:
       return i < n ? q[i] : 0.0;

@@ -58,6 +58,10 @@ double largest_norm(const Eigen::Ref<const Simulation::Rows>& points,
 
 double excitation_period(const Dynamics& dynamics) {
   const Eigen::VectorXd& Omega = dynamics.frequencies();
+  if (!dynamics.inputs().empty()) {
+    throw std::invalid_argument(
+        "a recorded input drives the machine: the period of the stroboscope must be given");
+  }
   if (Omega.size() == 1) return 2.0 * std::numbers::pi / Omega[0];
   throw std::invalid_argument(
       Omega.size() == 0

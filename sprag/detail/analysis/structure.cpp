@@ -115,7 +115,20 @@ std::vector<OpposingStops> opposing_stops(const Model& model) {
                                ? std::abs(std::polar(a, s.phase) * s.amplitude +
                                           std::polar(1.0, r.phase) * r.amplitude)
                                : a * std::abs(s.amplitude) + std::abs(r.amplitude);
-      found.push_back({i, j, other.clearance + a * one.clearance - swing});
+      double moves = 0.0;
+      if (one.input == other.input) {
+        const double share = std::abs(a * one.input_share + other.input_share);
+        if (share > independent * std::abs(other.input_share)) {
+          moves = share * one.input->largest(0);
+        }
+      } else {
+        for (const auto& [contact, factor] : {std::pair(&one, a), std::pair(&other, 1.0)}) {
+          if (contact->input) {
+            moves += factor * std::abs(contact->input_share) * contact->input->largest(0);
+          }
+        }
+      }
+      found.push_back({i, j, other.clearance + a * one.clearance - swing - moves});
     }
   }
   return found;

@@ -130,6 +130,8 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   const Eigen::MatrixXd& W = metric.W();
   const Eigen::Index m = W.cols();
   const Eigen::VectorXd stiffness = metric.omega().cwiseAbs2();
+  // The sampled motion of a support is not bounded in advance: no cap.
+  if (!dynamics.inputs().empty() && !dynamics.inputs().motions().isZero(0.0)) return;
   if (!dynamics.motion_amplitudes().isZero(0.0)) {
     const auto [values, vectors] = eigenpairs(dynamics.G(), Eigen::MatrixXd::Identity(m, m));
     const Eigen::VectorXd inverse =
@@ -173,6 +175,10 @@ void DissipationCap::find_force(const Tolerance& tolerance) {
     force_ += largest_of(metric.force_amplitudes().col(j) + square(Omega[j]) * q - Cu - Kq);
     elastic += largest_of(Kq);
     viscous += largest_of(Cu);
+  }
+  for (Eigen::Index c = 0; c < metric.input_forces().cols(); ++c) {
+    force_ +=
+        metric.input_forces().col(c).norm() * metric.dynamics().inputs().channel(c).largest(2);
   }
   force_ += tolerance.stiffness * elastic + tolerance.damping * viscous;
 }

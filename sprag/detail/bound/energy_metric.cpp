@@ -62,6 +62,26 @@ EnergyMetric::EnergyMetric(const Dynamics& dynamics) : dynamics_(&dynamics) {
           Omega[j] * std::abs(W_.col(i).cast<std::complex<double>>().dot(force_amplitudes_.col(j)));
     }
   }
+  const SampledInputs& inputs = dynamics.inputs();
+  input_forces_ = from_modes_.transpose() * inputs.forces();
+  for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+    const SampledInput& input = inputs.channel(c);
+    const double force = input_forces_.col(c).norm() / std::sqrt(2.0);
+    if (force > 0.0) {
+      push_ += force * input.largest(2);
+      jerk_ += force * input.largest(3);
+    }
+    for (Eigen::Index i = 0; i < m; ++i) {
+      gap_jerk_[i] += std::abs(W_.col(i).dot(input_forces_.col(c))) * input.largest(3);
+      const double share = std::abs(inputs.motions()(i, c));
+      if (share == 0.0) continue;
+      const double of_normal = share / std::sqrt(2.0 * dynamics.G()(i, i));
+      jerk_ += of_normal * (input.largest(3) + omega_D_[i] * input.largest(2) +
+                            omega_max_ * omega_R_[i] * input.largest(1));
+      support_step_ += 2.0 * of_normal * input.largest(2);
+      gap_jerk_[i] += share * input.largest(3);
+    }
+  }
 }
 
 void EnergyMetric::displacements(const Eigen::VectorXd& q, Eigen::VectorXd& z) const {
@@ -95,6 +115,9 @@ void EnergyMetric::accelerate(double t, ModalState& state) const {
     const double c = std::cos(Omega[j] * t);
     const double s = std::sin(Omega[j] * t);
     a += c * force_amplitudes_.col(j).real() - s * force_amplitudes_.col(j).imag();
+  }
+  for (Eigen::Index c = 0; c < input_forces_.cols(); ++c) {
+    a += dynamics_->inputs().channel(c).value(t) * input_forces_.col(c);
   }
 }
 

@@ -44,6 +44,8 @@ class EnergyMetric {
   /// Constant and complex amplitudes of f(t), f and f x nf; frequencies in dynamics().
   const Eigen::VectorXd& force_constant() const { return force_constant_; }
   const Eigen::MatrixXcd& force_amplitudes() const { return force_amplitudes_; }
+  /// Forces of the sampled inputs, f x channels.
+  const Eigen::MatrixXd& input_forces() const { return input_forces_; }
   /// Largest growth rate of |x| in free flight, by the forces.
   double push() const { return push_; }
   /// Largest growth rate of |x'| of a motion with clutches, by the rate of change of forces and
@@ -77,6 +79,7 @@ class EnergyMetric {
   Eigen::VectorXd omega_R_, omega_D_, omega_gamma_, gap_jerk_;
   Eigen::VectorXd force_constant_;
   Eigen::MatrixXcd force_amplitudes_;
+  Eigen::MatrixXd input_forces_;
   double omega_max_ = 0.0, damping_ = 0.0, push_ = 0.0, jerk_ = 0.0, support_step_ = 0.0;
 };
 

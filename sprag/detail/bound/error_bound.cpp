@@ -123,6 +123,14 @@ ErrorBound::ErrorBound(const Flows& flows)
                 std::sqrt(dynamics.G()(i, i));
     }
   }
+  const SampledInputs& inputs = dynamics.inputs();
+  for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+    const double largest = inputs.channel(c).largest(2);
+    force_ += in_energy(inputs.forces().col(c)) * largest;
+    for (int i = 0; i < dynamics.contacts(); ++i) {
+      force_ += std::abs(inputs.motions()(i, c)) * largest / std::sqrt(dynamics.G()(i, i));
+    }
+  }
   q_.setZero(dynamics.coordinates());
   u_.setZero(dynamics.coordinates());
 }
@@ -253,10 +261,20 @@ void ErrorBound::note_energy(const Motion& motion, ErrorBoundState& state) {
                                                quadratic_form(model.K, dynamics.diagonal(), q_)));
 }
 
+namespace {
+
+bool has_noisy_inputs(const Model& model) {
+  return std::any_of(model.forces.begin(), model.forces.end(), [](const Force& force) {
+    return force.input && force.input->settings().noise > 0.0;
+  });
+}
+
+}  // namespace
+
 double initial_bound(const Scene& scene) {
-  const bool exact =
-      scene.prior.tolerance.any() ||
-      (scene.prior.jitter == 0.0 && scene.prior.drift == 0.0 && scene.prior.parameters.empty());
+  const bool exact = scene.prior.tolerance.any() ||
+                     (scene.prior.jitter == 0.0 && scene.prior.drift == 0.0 &&
+                      scene.prior.parameters.empty() && !has_noisy_inputs(scene.model));
   return scene.prior.uncertainty.size() > 0 && exact ? scene.prior.uncertainty.sum()
                                                      : std::numeric_limits<double>::infinity();
 }

@@ -59,7 +59,8 @@ void FirstOrderBound::step(const ModalState& replica, const DefectNode& node, do
   const double duration = t - node_t_;
   // From node to node the norms of x'' grow only by their inputs: that of xi by B (x_s + m), that
   // of m by B xi. |B x''| bounds the second rate of |B x|.
-  const double path = acceleration_ + duration * std::sqrt(0.5) * defect_->force_second();
+  const double path = acceleration_ + duration * std::sqrt(0.5) * defect_->force_second() +
+                      std::sqrt(0.5) * defect_->sampled_variation(duration);
   double curvature = 0.0;
   for (std::size_t j = 0; j < pairs_.size(); ++j) {
     const double turned = duration * pairs_[j].rate();

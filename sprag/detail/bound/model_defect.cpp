@@ -28,6 +28,18 @@ ModelDefect::ModelDefect(const EnergyMetric& metric, const Tolerance& tolerance)
     const double amplitude = metric.force_amplitudes().col(j).norm();
     force_second_ += square(Omega[j]) * amplitude;
   }
+  // In each interval f' changes by at most twice its largest value, and as much at the knot.
+  for (Eigen::Index c = 0; c < metric.input_forces().cols(); ++c) {
+    const SampledInput& input = metric.dynamics().inputs().channel(c);
+    const double force = metric.input_forces().col(c).norm();
+    double shortest = input.spacing();
+    for (std::size_t k = 0; k + 1 < input.knots().size(); ++k) {
+      shortest = std::min(shortest, input.knots()[k + 1] - input.knots()[k]);
+    }
+    if (force == 0.0) continue;
+    sampled_jumps_ += 4.0 * force * input.largest(3);
+    sampled_variation_ += 4.0 * force * input.largest(3) / shortest;
+  }
   scratch_.setZero(metric.coordinates());
   jerk_.setZero(metric.coordinates());
 }
@@ -56,6 +68,11 @@ DefectNode ModelDefect::node(const ModalState& state, double t, bool free) {
     jerk_ -=
         s * metric.force_amplitudes().col(j).real() + c * metric.force_amplitudes().col(j).imag();
   }
+  for (Eigen::Index c = 0; c < metric.input_forces().cols(); ++c) {
+    const SampledInput& input = metric.dynamics().inputs().channel(c);
+    const std::size_t k = input.interval(t);
+    jerk_ += input.derivatives(k, t - input.knots()[k])[3] * metric.input_forces().col(c);
+  }
   node.acceleration =
       root_half * std::sqrt(metric.omega().cwiseProduct(state.acceleration).squaredNorm() +
                             jerk_.squaredNorm());
@@ -67,6 +84,8 @@ DefectNode ModelDefect::node(const ModalState& state, double t, bool free) {
 double ModelDefect::free_step(const DefectNode& from, const DefectNode& to, double duration) const {
   const double trapezoid = 0.5 * duration * (from.density + to.density);
   if (lipschitz_ == 0.0) return trapezoid;
+  // The rate of a sampled force jumps at knots, so that no second derivative bounds the curvature.
+  if (metric_->input_forces().cols() > 0) return closed_step(from, duration);
   // |x''| grows by the forces alone, and |x'''| <= |A| |x''| + |f''| / sqrt 2.
   const double half = 0.5 * duration;
   const double second = from.acceleration + duration * root_half * force_second_;

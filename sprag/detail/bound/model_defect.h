@@ -38,15 +38,22 @@ class ModelDefect {
 
   /// Largest growth of the density along a path of unit speed [1/s].
   double lipschitz() const { return lipschitz_; }
-  /// Bound on |f''| of the nominal force, norm of M^-1.
+  /// Bound on |f''| of the harmonic forces, norm of M^-1.
   double force_second() const { return force_second_; }
+  /// Bound on the total variation of f' of the sampled forces over a duration, norm of M^-1. Their
+  /// rate jumps at knots.
+  double sampled_variation(double duration) const {
+    return duration * sampled_variation_ + 2.0 * sampled_jumps_;
+  }
 
  private:
   const EnergyMetric* metric_;
   Tolerance tolerance_;
   bool any_ = false;
   double longest_step_ = 0.0, lipschitz_ = 0.0;
-  double force_second_ = 0.0;  // bound on |f''|, norm of M^-1
+  double force_second_ = 0.0;  // bound on |f''| of harmonics, norm of M^-1
+  // Of sampled forces: variation of f' in one interval between samples, and per unit of time.
+  double sampled_jumps_ = 0.0, sampled_variation_ = 0.0;
   Eigen::VectorXd scratch_, jerk_;
 };
 

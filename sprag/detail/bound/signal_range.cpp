@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "sprag/detail/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
@@ -52,6 +54,38 @@ Added added_by(Eigen::Index i, const Signal& signal, const Motion& motion,
   return {p * E2 + r * E3, p * E3 + r * E4};
 }
 
+// Bound of |phi''| over the window by the sampled inputs and the responses to them, which jumps at
+// knots.
+double sampled_second(const Signal& signal, const Motion& motion, double window) {
+  const SampledResponse& sampled = *motion.flow->sampled();
+  const SampledInputs& inputs = sampled.inputs();
+  const std::size_t from = inputs.interval(motion.t.hi - window);
+  const std::size_t to = inputs.interval(motion.t.hi + window);
+  double largest = 0.0;
+  for (std::size_t b = from / SampledResponse::block;
+       b < sampled.blocks() && b <= to / SampledResponse::block; ++b) {
+    double second = 0.0;
+    for (Eigen::Index i = 0; i < sampled.modes(); ++i) {
+      const Eigen::Index k = sampled.first_mode() + i;
+      second += std::abs(signal.p[k]) * sampled.largest_second(b)[i] +
+                std::abs(signal.r[k]) * sampled.largest_third(b)[i];
+    }
+    for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+      const double* of = sampled.largest_inputs(b) + chain_terms * c;
+      for (Eigen::Index j = 0; j < chain_entries; ++j) {
+        const Eigen::Index k = sampled.first() + chain_entries * c + j;
+        if (2 * j + 2 < chain_terms) second += std::abs(signal.p[k]) * of[2 * j + 2];
+        if (2 * j + 3 < chain_terms) second += std::abs(signal.r[k]) * of[2 * j + 3];
+      }
+    }
+    largest = std::max(largest, second);
+  }
+  if (to + 1 < inputs.knots()) return largest;
+  // After the last knot nothing is tabulated: at most the growth of free motions under the last
+  // values, as for the oscillators above.
+  return infinity;
+}
+
 }  // namespace
 
 SignalRange range(const Signal& signal, const Motion& motion, double window) {
@@ -70,6 +104,7 @@ SignalRange range(const Signal& signal, const Motion& motion, double window) {
       const std::array<double, 4> largest = drive_amplitudes(*drive, motion);
       for (std::size_t k = 0; k < largest.size(); ++k) F.largest[k] += largest[k];
     }
+    if (flow.sampled() != nullptr && i >= flow.harmonics() && i < flow.frequencies()) continue;
     if (signal.p[i] == 0.0 && signal.r[i] == 0.0) continue;
     const Added added = added_by(i, signal, motion, F, window);
     second += added.second;
@@ -79,6 +114,13 @@ SignalRange range(const Signal& signal, const Motion& motion, double window) {
   const double v1 = rate(signal, motion);
   const double v2 = second_rate(signal, motion);
   SignalRange range;
+  if (flow.sampled() != nullptr) {
+    // phi'' may jump at knots: bounds by its value at the motion's time do not hold.
+    range.second = second + sampled_second(signal, motion, window);
+    const double of_rate = window > 0.0 ? window * range.second : 0.0;
+    const double of_value = window * std::abs(v1) + 0.5 * window * of_rate;
+    return {v0 - of_value, v0 + of_value, v1 - of_rate, v1 + of_rate, range.second};
+  }
   range.second = std::min(second, std::abs(v2) + window * third);
   const double of_value = window * std::abs(v1) + 0.5 * window * window * range.second;
   const double of_rate =

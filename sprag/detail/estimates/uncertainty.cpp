@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "sprag/detail/mechanics/dynamics.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/energy.h"
 
@@ -15,6 +17,23 @@ Eigen::VectorXd energies_of(const Scene& scene) {
   if (scene.prior.uncertainty.size() == f) return scene.prior.uncertainty;
   const double scale = energy_scale(scene.model, scene.prior.start);
   return Eigen::VectorXd::Constant(f, scale > 0.0 ? scale : 1.0);
+}
+
+// M^-1 times the noise of sampled forces, per root of the unit of time. Errors of the
+// samples with standard deviation sigma at intervals dt act on slow motions as white noise of
+// intensity sigma^2 dt.
+Eigen::MatrixXd input_noise_of(const Model& model) {
+  Eigen::MatrixXd noise_u(model.coordinates(), 0);
+  const Dynamics dynamics(model);
+  const SampledInputs& inputs = dynamics.inputs();
+  for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+    const SampledInput& input = inputs.channel(c);
+    const double noise = input.settings().noise * std::sqrt(input.spacing());
+    if (noise == 0.0) continue;
+    noise_u.conservativeResize(model.coordinates(), noise_u.cols() + 1);
+    noise_u.col(noise_u.cols() - 1) = noise * (inverse(model.M) * inputs.forces().col(c));
+  }
+  return noise_u;
 }
 
 }  // namespace
@@ -52,6 +71,7 @@ Uncertainty uncertainty_of(const Scene& scene) {
     uncertainty.drift_q = modes.Phi * of_q(each, false).asDiagonal();
     uncertainty.drift_u = modes.Phi * of_u(each).asDiagonal();
   }
+  if (has_sampled_inputs(scene.model)) uncertainty.input_noise = input_noise_of(scene.model);
   return uncertainty;
 }
 

@@ -15,6 +15,9 @@ struct Uncertainty {
   Eigen::MatrixXd drift_q, drift_u;  ///< roots of the process noise per unit of time; empty: none
   /// A contact that closes at t = 0 may be inside its support. False: it rests on the support.
   bool may_start_inside = false;
+  /// Root of the white noise of velocities by errors of sampled forces, per unit of time; empty:
+  /// none.
+  Eigen::MatrixXd input_noise = {};
 };
 
 /// Prior from a scene: the energies of [replica] uncertainty, half of each in q and half in u;

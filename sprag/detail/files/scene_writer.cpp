@@ -6,6 +6,7 @@
 #include "sprag/detail/files/output_file.h"
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/toml_reader.h"
+#include "sprag/scene_file.h"
 
 namespace sprag {
 namespace {
@@ -162,6 +163,9 @@ std::string to_toml(const Tolerance& tolerance, std::string_view comment) {
 }
 
 std::string to_toml(const Scene& scene, std::string_view comment) {
+  if (has_sampled_inputs(scene.model)) {
+    throw SceneError("a scene with a recorded input (the key `file`) cannot be written");
+  }
   std::string text;
   while (!comment.empty()) {
     const std::string_view line = comment.substr(0, comment.find('\n'));

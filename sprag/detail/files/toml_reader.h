@@ -102,6 +102,14 @@ class TomlTable {
   /// Throws "file:line:column: `path` is a ...; must be `wanted`", at the value.
   [[noreturn]] void fail_type(const toml::node& node, const std::string& path,
                               std::string_view wanted) const;
+  /// The path of a file that the string at `key` names.
+  std::filesystem::path file(std::string_view key) const {
+    return source_->folder / required_string(key);
+  }
+  /// Adds a remark for the user: "path.key `message`".
+  void remark(std::string_view key, const std::string& message) const {
+    source_->remarks.push_back(path_of(key) + " " + message);
+  }
   /// The key's dotted path.
   std::string path_of(std::string_view key) const;
 

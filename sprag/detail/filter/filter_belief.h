@@ -84,6 +84,9 @@ struct FilterModel {
   Eigen::VectorXd walk = {};
   /// Root of the covariance of the process noise in x per unit of time, 2n rows; or empty.
   Eigen::MatrixXd drift = {};
+  /// The same for white noise of forces during a flight, which acts on the velocities at all of its
+  /// times; 2n rows, or empty. `drift` acts at its start.
+  Eigen::MatrixXd kicks = {};
   /// For each parameter: true if it is considered (Schmidt), that is never updated. Empty: none is.
   std::vector<bool> considered = {};
   /// The master completes a chatter whose remainder is shorter than this [s].

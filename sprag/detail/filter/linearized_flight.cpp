@@ -1,7 +1,9 @@
 #include "sprag/detail/filter/linearized_flight.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <iterator>
 
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -14,6 +16,19 @@ constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
+namespace {
+
+// Gauss-Legendre nodes and weights on [0, 1]: exact for the covariance of a flight in which the
+// propagator is a cubic, accurate up to about a period of the fastest mode that is pushed.
+constexpr std::array<std::array<double, 2>, 4> kick_nodes{{
+    {0.06943184420297371, 0.17392742256872693},
+    {0.33000947820757187, 0.32607257743127307},
+    {0.66999052179242813, 0.32607257743127307},
+    {0.93056815579702629, 0.17392742256872693},
+}};
+
+}  // namespace
+
 LinearizedFlight::LinearizedFlight(Flight& flight, const FilterModel& model)
     : flight_(&flight), model_(&model) {
   considers_ =
@@ -21,7 +36,9 @@ LinearizedFlight::LinearizedFlight(Flight& flight, const FilterModel& model)
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     if (flight.changes_flow(k)) flow_unknowns_.push_back(k);
   }
-  const Eigen::Index before = size() + model.walk.size() + model.drift.cols();
+  const auto kicks = std::ssize(kick_nodes) * model.kicks.cols();
+  const Eigen::Index before = size() + model.walk.size() + model.drift.cols() + kicks;
+  kick_.setZero(2 * n(), model.kicks.cols());
   // Second-order columns; one for the Schmidt update or time rounding; three for the published
   // estimate.
   const Eigen::Index columns = before * (1 + std::ssize(flow_unknowns_)) + 4;
@@ -47,7 +64,26 @@ void LinearizedFlight::spread(const FilterBelief& belief, double duration) {
     A(2 * n() + k, size() + k) = model_->walk[k] * root;
   }
   const Eigen::Index drifts = model_->drift.cols();
-  if (drifts > 0) A.topRightCorner(2 * n(), drifts) = root * model_->drift;
+  const Eigen::Index first = size() + model_->walk.size();
+  if (drifts > 0) A.block(0, first, 2 * n(), drifts) = root * model_->drift;
+  if (model_->kicks.cols() > 0) spread_kicks(first + drifts, duration, belief.held);
+}
+
+// Kicks at some times of the flight, each taken back to its start. White noise during the flight
+// leaves position and velocity imperfectly correlated. One kick at the start would not: a measured
+// position would then determine the velocity.
+void LinearizedFlight::spread_kicks(Eigen::Index column, double duration, ContactSet held) {
+  constexpr double most_growth = 1e8;
+  for (const auto& [at, weight] : kick_nodes) {
+    const double size = std::sqrt(weight * std::max(duration, 0.0));
+    kick_ = size * model_->kicks;
+    const double largest = kick_.cwiseAbs().maxCoeff();
+    flight_->turn(-at * std::max(duration, 0.0), held, kick_);
+    // Strongly damped modes grow backward in time.
+    if (!(kick_.cwiseAbs().maxCoeff() <= most_growth * largest)) kick_ = size * model_->kicks;
+    A.block(0, column, 2 * n(), kick_.cols()) = kick_;
+    column += kick_.cols();
+  }
 }
 
 void LinearizedFlight::fly(double t, const Eigen::VectorXd& z, const FilterBelief& belief,

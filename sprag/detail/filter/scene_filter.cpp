@@ -43,6 +43,9 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
   if (of_q > 0) model.drift.topLeftCorner(f, of_q) = uncertainty.drift_q;
   if (of_u > 0) model.drift.bottomRightCorner(f, of_u) = uncertainty.drift_u;
   model.drift = product(flight.from_state(), model.drift);
+  if (const Eigen::MatrixXd& noise = uncertainty.input_noise; noise.cols() > 0) {
+    model.kicks = product(flight.from_state().rightCols(f), noise);
+  }
   model.chatter_time = scene.model.chatter_time;
   model.homogeneous = is_homogeneous(scene.model);
   if (P > 0 && from_prior) model.considered = scene.prior.parameters.consider;

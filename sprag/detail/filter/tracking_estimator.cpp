@@ -696,9 +696,12 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
   sprag::Belief from;
   const Eigen::MatrixXd S_c = filter_->belief(t, *state.belief, from);
   const FilterModel& model = filter_->filter.model();
-  if (model.drift.cols() > 0) {
+  if (model.drift.cols() + model.kicks.cols() > 0) {
     const Eigen::Index f = from.q.size(), known = from.columns;
-    const Eigen::MatrixXd drift = std::sqrt(ahead) * filter_->flight->to_state() * model.drift;
+    Eigen::MatrixXd noise(2 * f, model.drift.cols() + model.kicks.cols());
+    noise.leftCols(model.drift.cols()) = model.drift;
+    if (model.kicks.cols() > 0) noise.rightCols(model.kicks.cols()) = model.kicks;
+    const Eigen::MatrixXd drift = std::sqrt(ahead) * filter_->flight->to_state() * noise;
     from.columns += drift.cols();
     from.S_q.conservativeResize(f, from.columns);
     from.S_u.conservativeResize(f, from.columns);

@@ -40,6 +40,11 @@ bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
 MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     : scene_(scene), unknowns_(std::move(unknowns)), groups_(harmonic_groups(scene)) {
   const Model& model = scene_.model;
+  if (has_sampled_inputs(model)) {
+    throw ModelError(
+        "a recorded input (the key `file` of [excitation] or [[force]]) is not supported here: "
+        "parameters can be estimated under constant and harmonic inputs only");
+  }
   const Eigen::Index f = model.coordinates();
   if (scene_.beam) {
     V_ = model.M.diagonal().cwiseSqrt().cwiseInverse().asDiagonal();

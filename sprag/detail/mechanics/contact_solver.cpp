@@ -61,6 +61,11 @@ ContactSet ContactSolver::parting(ContactSet contacts, const Motion& motion) con
     for (const Drive& drive : motion.flow->drives().all()) {
       scale += std::abs(gamma.r[drive.mode] * drive.force(motion.x));
     }
+    if (const SampledResponse* sampled = motion.flow->sampled()) {
+      for (Eigen::Index k = 0; k < sampled->modes(); ++k) {
+        scale += std::abs(gamma.r[sampled->first_mode() + k] * sampled->force(k, motion.x)[0]);
+      }
+    }
     if (std::abs(gap_velocity(i, motion)) <= pressed_share * velocity_scale(i, motion) &&
         std::abs(rate(gamma, motion)) <= pressed_share * scale &&
         second_rate(gamma, motion) > 0.0) {
@@ -86,6 +91,10 @@ double ContactSolver::acceleration(int contact, const Motion& motion, double& ma
   for (Eigen::Index j = 0; j < Omega.size(); ++j) {
     add(a.h[j].real() * motion.x.z[j]);
     add(a.h[j].imag() / Omega[j] * motion.x.v[j]);
+  }
+  for (Eigen::Index j = 0; 2 * j < a.chain.size(); ++j) {
+    add(a.chain[2 * j] * motion.x.z[Omega.size() + j]);
+    add(a.chain[2 * j + 1] * motion.x.v[Omega.size() + j]);
   }
   return sum;
 }

@@ -104,18 +104,29 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     MinvW_ = factor.solve(W_) / unit;
   }
   G_ = product(W_.transpose(), MinvW_);
+  inputs_ = SampledInputs(model_);
+}
+
+// Derivative `order` of s_i(t), by the derivatives of the sampled inputs.
+Eigen::VectorXd Dynamics::support_chain(int contact, Eigen::Index order) const {
+  Eigen::VectorXd chain = Eigen::VectorXd::Zero(chain_terms * inputs_.channels());
+  for (Eigen::Index c = 0; c < inputs_.channels(); ++c) {
+    chain[chain_terms * c + order] = inputs_.motions()(contact, c);
+  }
+  return chain;
 }
 
 Functional Dynamics::gap(int contact) const {
   return {W_.col(contact), Eigen::VectorXd::Zero(coordinates()), offsets_[contact],
-          motion_amplitudes_.row(contact).transpose()};
+          motion_amplitudes_.row(contact).transpose(), support_chain(contact, 0)};
 }
 
 Functional Dynamics::gap_velocity(int contact) const {
   const Eigen::VectorXcd rates = (complex<double>(0.0, 1.0) * frequencies_.array() *
                                   motion_amplitudes_.row(contact).transpose().array())
                                      .matrix();
-  return {Eigen::VectorXd::Zero(coordinates()), W_.col(contact), 0.0, rates};
+  return {Eigen::VectorXd::Zero(coordinates()), W_.col(contact), 0.0, rates,
+          support_chain(contact, 1)};
 }
 
 Functional Dynamics::free_acceleration(int contact) const {
@@ -123,8 +134,12 @@ Functional Dynamics::free_acceleration(int contact) const {
   const Eigen::VectorXcd support =
       (-frequencies_.array().square() * motion_amplitudes_.row(contact).transpose().array())
           .matrix();
+  Eigen::VectorXd chain = support_chain(contact, 2);
+  for (Eigen::Index c = 0; c < inputs_.channels(); ++c) {
+    chain[chain_terms * c + 2] += n.dot(inputs_.forces().col(c));
+  }
   return {-(model_.K * n), -(model_.C * n), n.dot(force_constant_),
-          force_amplitudes_.transpose() * n + support};
+          force_amplitudes_.transpose() * n + support, chain};
 }
 
 }  // namespace sprag

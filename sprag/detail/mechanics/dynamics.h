@@ -5,15 +5,18 @@
 
 #include <Eigen/Core>
 
+#include "sprag/detail/mechanics/sampled_inputs.h"
 #include "sprag/model.h"
 
 namespace sprag {
 
-/// Affine function of the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t).
+/// Affine function of the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t) +
+/// chain^T d, where d are the derivatives of all sampled inputs (sampled_inputs.h).
 struct Functional {
   Eigen::VectorXd a, b;
   double constant = 0.0;
   Eigen::VectorXcd h;
+  Eigen::VectorXd chain = {};  ///< chain_terms entries for each input; empty without inputs
 };
 
 /// Frequencies, complex amplitudes, W, M^-1 W and G = W^T M^-1 W.
@@ -33,7 +36,8 @@ class Dynamics {
   const Eigen::MatrixXcd& motion_amplitudes() const { return motion_amplitudes_; }
   const Eigen::VectorXd& offsets() const {
     return offsets_;
-  }                                                        ///< c_i and constant motion, m entries
+  }  ///< c_i and constant motion, m entries
+  const SampledInputs& inputs() const { return inputs_; }
   const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
   const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
   const Eigen::MatrixXd& G() const { return G_; }          ///< m x m
@@ -49,6 +53,9 @@ class Dynamics {
   Eigen::VectorXd frequencies_, force_constant_, offsets_;
   Eigen::MatrixXcd force_amplitudes_, motion_amplitudes_;  // f x nf, m x nf
   Eigen::MatrixXd W_, MinvW_, G_;
+  SampledInputs inputs_;
+
+  Eigen::VectorXd support_chain(int contact, Eigen::Index order) const;
 };
 
 }  // namespace sprag

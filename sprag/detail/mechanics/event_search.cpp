@@ -44,6 +44,8 @@ struct Point {
   const OscillatorState& x;
   const Eigen::ArrayXd& alpha;
   Eigen::Index count;
+  const Flow* sampled_flow = nullptr;       // set if the flow has sampled inputs
+  const PolynomialForce* forces = nullptr;  // of these inputs, per mode
 };
 
 struct Expansion {
@@ -86,13 +88,19 @@ double expand_drive(const Drive& drive, double p, double r, const Point& at, Coe
          std::abs(r) * (std::abs(now) + root * std::abs(before) + reach * root_source * fastest);
 }
 
-Expansion expand_signal(const Signal& signal, double sign, double constant, const Point& at) {
+// Sums over the oscillators of a signal.
+struct Sums {
+  Coefficients d{};        // phi^(j)
+  double bound = 0.0;      // of |phi^(p+1)| at all later times
+  double magnitude = 0.0;  // of the terms of phi
+};
+
+// Adds oscillators `first` to `end` - 1 without drives and sampled inputs.
+void add_oscillators(const Signal& signal, double sign, const Point& at, Eigen::Index first,
+                     Eigen::Index end, Sums& sums) {
   const Oscillators& oscillators = at.oscillators;
-  Expansion e;
-  Coefficients d{};
-  double bound = 0.0;
-  double magnitude = std::abs(constant);
-  for (Eigen::Index k = 0; k < at.count; ++k) {
+  auto& [d, bound, magnitude] = sums;
+  for (Eigen::Index k = first; k < end; ++k) {
     const double p = sign * signal.p[k];
     const double r = sign * signal.r[k];
     const double damping = 2.0 * oscillators.delta()[k];
@@ -115,15 +123,147 @@ Expansion expand_signal(const Signal& signal, double sign, double constant, cons
     bound += std::abs(p) * (std::abs(before) + previous) +
              std::abs(r) * (std::abs(now) + root * std::abs(before));
   }
+}
+
+Expansion finished(const Signal& signal, double sign, double constant, const Point& at,
+                   Sums& sums) {
+  auto& [d, bound, magnitude] = sums;
   for (const Drive& drive : at.drives.all()) {
     if (drive.mode >= at.count) break;
     bound += expand_drive(drive, sign * signal.p[drive.mode], sign * signal.r[drive.mode], at, d);
   }
+  Expansion e;
   d[0] += constant;
   for (std::size_t j = 0; j <= degree; ++j) e.a[j] = d[j] * inverse_factorials[j];
   e.bound = bound * inverse_factorials[degree + 1];
   e.noise = 4.0 * machine_epsilon * magnitude + nothing;
   return e;
+}
+
+// Derivative n of the inputs' chain e, e', a, a', ... that starts at bank entry `first`.
+double chain_derivative(const OscillatorState& x, Eigen::Index first, Eigen::Index n) {
+  if (n >= chain_terms) return 0.0;
+  return n % 2 == 0 ? x.z[first + n / 2] : x.v[first + n / 2];
+}
+
+// Adds the inputs themselves. Their derivative p+1 is zero.
+void add_inputs(const Signal& signal, double sign, const Point& at, Sums& sums) {
+  const SampledResponse& sampled = *at.sampled_flow->sampled();
+  for (Eigen::Index c = 0; c < sampled.inputs().channels(); ++c) {
+    const Eigen::Index first = sampled.first() + chain_entries * c;
+    for (Eigen::Index j = 0; j < chain_entries; ++j) {
+      const double p = sign * signal.p[first + j];
+      const double r = sign * signal.r[first + j];
+      if (p == 0.0 && r == 0.0) continue;
+      sums.magnitude += std::abs(p * at.x.z[first + j]) + std::abs(r * at.x.v[first + j]);
+      for (Eigen::Index n = 0; n <= degree; ++n) {
+        sums.d[index(n)] += p * chain_derivative(at.x, first, 2 * j + n) +
+                            r * chain_derivative(at.x, first, 2 * j + n + 1);
+      }
+    }
+  }
+}
+
+// Adds the modes, each as the sum of its own motion and its response to the inputs, under the
+// force of the inputs. That force is a polynomial of degree < p, so that derivative p obeys the
+// undriven equation up to the next knot. Own motions from at.count on are left out.
+void add_driven_modes(const Signal& signal, double sign, const Point& at, Sums& sums) {
+  const Flow& flow = *at.sampled_flow;
+  const SampledResponse& sampled = *flow.sampled();
+  const Oscillators& oscillators = at.oscillators;
+  for (Eigen::Index i = 0; i < sampled.modes(); ++i) {
+    const Eigen::Index k = flow.frequencies() + i;
+    const Eigen::Index y = sampled.first_mode() + i;
+    const double p = sign * signal.p[y];
+    const double r = sign * signal.r[y];
+    if (p == 0.0 && r == 0.0) continue;
+    const double damping = 2.0 * oscillators.delta()[k];
+    const double kappa = oscillators.kappa()[k];
+    const PolynomialForce& F = at.forces[i];
+    double before = at.x.z[y];
+    double now = at.x.v[y];
+    double push = F[0];
+    sums.magnitude += std::abs(p * before) + std::abs(r * now);
+    if (k < at.count) {
+      sums.magnitude += std::abs(p * at.x.z[k]) + std::abs(r * at.x.v[k]);
+      before += at.x.z[k];
+      now += at.x.v[k];
+      push += at.alpha[k];
+    }
+    double next = push - damping * now - kappa * before;
+    for (std::size_t j = 0; j <= degree; ++j) {
+      sums.d[j] += p * before + r * now;
+      before = now;
+      now = next;
+      next = (j + 1 < polynomial_terms ? F[j + 1] : 0.0) - damping * now - kappa * before;
+    }
+    const double root = oscillators.root_kappa()[k];
+    const double previous = root > 0.0 ? std::abs(now + damping * before) / root : 0.0;
+    sums.bound += std::abs(p) * (std::abs(before) + previous) +
+                  std::abs(r) * (std::abs(now) + root * std::abs(before));
+  }
+}
+
+Expansion expand_signal(const Signal& signal, double sign, double constant, const Point& at) {
+  Sums sums;
+  sums.magnitude = std::abs(constant);
+  if (at.sampled_flow == nullptr) {
+    add_oscillators(signal, sign, at, 0, at.count, sums);
+  } else {
+    add_oscillators(signal, sign, at, 0, at.sampled_flow->harmonics(), sums);
+    add_inputs(signal, sign, at, sums);
+    add_driven_modes(signal, sign, at, sums);
+  }
+  return finished(signal, sign, constant, at, sums);
+}
+
+// The same without the sampled inputs and the response to them.
+Expansion expand_free_part(const Signal& signal, double sign, double constant, const Point& at) {
+  Sums sums;
+  sums.magnitude = std::abs(constant);
+  const Flow& flow = *at.sampled_flow;
+  add_oscillators(signal, sign, at, 0, flow.harmonics(), sums);
+  add_oscillators(signal, sign, at, flow.frequencies(),
+                  std::min(at.count, flow.frequencies() + flow.modes()), sums);
+  return finished(signal, sign, constant, at, sums);
+}
+
+// Magnitude of the terms of phi^(order) by sampled inputs and modes.
+double driven_magnitude(int order, const Signal& signal, const Point& at) {
+  const Flow& flow = *at.sampled_flow;
+  const SampledResponse& sampled = *flow.sampled();
+  double magnitude = 0.0;
+  for (Eigen::Index c = 0; c < sampled.inputs().channels(); ++c) {
+    const Eigen::Index first = sampled.first() + chain_entries * c;
+    for (Eigen::Index j = 0; j < chain_entries; ++j) {
+      magnitude += std::abs(signal.p[first + j] * chain_derivative(at.x, first, 2 * j + order)) +
+                   std::abs(signal.r[first + j] * chain_derivative(at.x, first, 2 * j + order + 1));
+    }
+  }
+  for (Eigen::Index i = 0; i < sampled.modes(); ++i) {
+    const Eigen::Index k = flow.frequencies() + i;
+    const Eigen::Index y = sampled.first_mode() + i;
+    const double damping = 2.0 * at.oscillators.delta()[k];
+    const double kappa = at.oscillators.kappa()[k];
+    const PolynomialForce& F = at.forces[i];
+    double before = std::abs(at.x.z[y]);
+    double now = std::abs(at.x.v[y]);
+    double push = std::abs(F[0]);
+    if (k < at.count) {
+      before += std::abs(at.x.z[k]);
+      now += std::abs(at.x.v[k]);
+      push += std::abs(at.alpha[k]);
+    }
+    double next = push + damping * now + kappa * before;
+    for (int j = 0; j < order; ++j) {
+      before = now;
+      now = next;
+      const double force = index(j + 1) < polynomial_terms ? std::abs(F[index(j + 1)]) : 0.0;
+      next = force + damping * now + kappa * before;
+    }
+    magnitude += std::abs(signal.p[y]) * before + std::abs(signal.r[y]) * now;
+  }
+  return magnitude;
 }
 
 // Rounding error of phi^(j) / j!.
@@ -147,7 +287,12 @@ double noise_of(int order, const Signal& signal, const Point& at) {
     }
     magnitude += std::abs(signal.p[drive.mode]) * before + std::abs(signal.r[drive.mode]) * now;
   }
-  for (Eigen::Index k = 0; k < at.count; ++k) {
+  Eigen::Index count = at.count;
+  if (at.sampled_flow != nullptr) {
+    magnitude += driven_magnitude(order, signal, at);
+    count = at.sampled_flow->harmonics();
+  }
+  for (Eigen::Index k = 0; k < count; ++k) {
     const double damping = 2.0 * oscillators.delta()[k];
     const double kappa = oscillators.kappa()[k];
     double before = at.x.z[k];
@@ -308,11 +453,12 @@ double accepted_root(const Stretch& phi, double low, Sample at, double resolutio
 
 // Examines phi from an expansion point on. phi has a zero of the given order there, which is
 // divided out. `omitted` bounds the oscillators that expand_signal left out. Time is resolved to
-// the rounding of `now` plus the interval.
-Verdict judge(const Expansion& e, int order, double omitted, double now) {
+// the rounding of `now` plus the interval. The expansion holds up to `longest`.
+Verdict judge(const Expansion& e, int order, double omitted, double now, double longest) {
   const double lead = e.a[index(order)] - omitted;
   double H = interval(e, order, lead);
   if (H == 0.0) return {infinity, infinity, lead};
+  H = std::min(H, longest);
 
   // A visible root ends the interval. It is the first root if the interval before it has none.
   Coefficients lower = lower_bound(e, order, omitted);
@@ -388,6 +534,8 @@ double signal_constant(const Watch& watch, const Motion& motion) {
 void EventSearch::reserve(std::size_t watches, Eigen::Index oscillators) {
   states_.reserve(watches);
   tail_.reserve(watches * (index(oscillators) + 1));
+  marches_.reserve(watches);
+  forces_.reserve(index(oscillators));
   x_.z.setZero(oscillators);
   x_.v.setZero(oscillators);
 }
@@ -405,6 +553,17 @@ void EventSearch::begin(const Motion& start, std::span<const Watch> watches) {
     states_[i] = {watches[i], signal_constant(watches[i], start), 0.0, infinity, infinity, false};
     bound_tail(*watches[i].signal, start, tail_.data() + i * row);
   }
+  sampled_ = start.flow->sampled();
+  if (sampled_ == nullptr) return;
+  const SampledInputs& inputs = sampled_->inputs();
+  interval_ = inputs.interval(start.t.hi);
+  // A start within rounding of the next knot belongs to the next interval.
+  if (to_next_knot() <= 4.0 * machine_epsilon * std::abs(start.t.hi)) ++interval_;
+  at_knot_ = false;
+  march_end_ = -1.0;
+  stride_ = SampledResponse::block;
+  marches_.resize(watches.size());
+  forces_.resize(index(sampled_->modes()));
 }
 
 Eigen::Index EventSearch::oscillators_needed() const {
@@ -418,12 +577,15 @@ Eigen::Index EventSearch::oscillators_needed() const {
   return needed;
 }
 
-// Examines watch i from the present point x_ at time |t| with the first `count` oscillators. Sets
-// need_all_ if the bound of the omitted ones is too large for a conclusion.
-void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
+// Examines watch i from the present point x_ at time |t| with the first `count` oscillators, up to
+// `longest` after it. Sets need_all_ if the bound of the omitted ones is too large for a
+// conclusion.
+void EventSearch::look(std::size_t i, Eigen::Index count, double t, double longest) {
   WatchState& state = states_[i];
   const Flow& flow = *start_->flow;
-  const Point here{flow.oscillators(), flow.drives(), x_, start_->alpha, count};
+  const Point here{flow.oscillators(), flow.drives(), x_,
+                   start_->alpha,      count,         sampled_ != nullptr ? &flow : nullptr,
+                   forces_.data()};
   const double omitted = tail_[i * (index(flow.size()) + 1) + index(count)];
   const Signal& signal = *state.watch.signal;
   const Expansion e = expand_signal(signal, state.watch.sign, state.constant, here);
@@ -442,29 +604,56 @@ void EventSearch::look(std::size_t i, Eigen::Index count, double t) {
   } else if (lead.order > degree) {
     verdict = {infinity, infinity, 0.0};
   } else {
-    verdict = judge(e, lead.order, omitted, t);
+    verdict = judge(e, lead.order, omitted, t, longest);
   }
-  const double reach = flow.drives().reach();
+  const double reach = std::min(flow.drives().reach(), longest);
   state.certified = std::min(verdict.certified, reach);
   state.root = verdict.root > reach ? infinity : verdict.root;
   state.predicted = verdict.next;
 }
 
+// Time of a knot after the start.
+double EventSearch::time_of_knot(std::size_t knot) const {
+  return (sampled_->inputs().knot(knot) - start_->t.hi) - start_->t.lo;
+}
+
+// Time from the present point to the end of its interval.
+double EventSearch::to_next_knot() const {
+  if (interval_ + 1 == sampled_->inputs().knots()) return infinity;
+  return time_of_knot(interval_ + 1) - certified_;
+}
+
+// Sets the prescribed entries of the sampled inputs and the forces on the modes at the present
+// point.
+void EventSearch::enter_interval() {
+  const double tau = at_knot_ ? 0.0 : certified_ - time_of_knot(interval_);
+  sampled_->set(interval_, tau, x_);
+  for (std::size_t i = 0; i < forces_.size(); ++i) {
+    forces_[i] = sampled_->force(static_cast<Eigen::Index>(i), x_);
+  }
+}
+
 void EventSearch::expand() {
   ++expansions_;
+  if (sampled_ != nullptr && march()) return;
   const Flow& flow = *start_->flow;
   const Eigen::Index count = oscillators_needed();
   if (certified_ > 0.0) {
-    flow.set_phases(start_->t + certified_, x_);
+    flow.set_harmonics(start_->t + certified_, x_);
     flow.move_modes(*start_, certified_, flow.frequencies(), count - flow.frequencies(), x_);
   }
   const double t = std::abs(start_->t.hi) + certified_;
+  double longest = infinity;
+  if (sampled_ != nullptr) {
+    enter_interval();
+    longest = to_next_knot();
+  }
 
   double certified = infinity;
   double root = infinity;
   need_all_ = false;
   for (std::size_t i = 0; i < states_.size(); ++i) {
-    look(i, count, t);
+    look(i, count, t, longest);
     const WatchState& state = states_[i];
     certified = std::min(certified, state.root < infinity ? state.root : state.certified);
     root = std::min(root, state.root);
@@ -484,7 +673,172 @@ void EventSearch::expand() {
     tau_ = certified_;
     return;
   }
-  certified_ += certified;
+  if (certified < longest || longest == infinity) {
+    certified_ += certified;
+    at_knot_ = at_knot_ && certified == 0.0;
+    return;
+  }
+  ++interval_;
+  certified_ = time_of_knot(interval_);
+  at_knot_ = true;
+}
+
+// Value at a knot of the part of a signal by the inputs and the response to them.
+double EventSearch::response_at_knot(const Watch& watch, std::size_t knot) const {
+  const Signal& signal = *watch.signal;
+  const double* y = sampled_->y(knot);
+  const double* v = sampled_->v(knot);
+  const Eigen::Index first = sampled_->first_mode();
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < sampled_->modes(); ++i) {
+    sum += signal.p[first + i] * y[i] + signal.r[first + i] * v[i];
+  }
+  const SampledInputs& inputs = sampled_->inputs();
+  for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+    for (Eigen::Index j = 0; j < chain_entries; ++j) {
+      const Eigen::Index k = sampled_->first() + chain_entries * c + j;
+      if (signal.p[k] == 0.0 && signal.r[k] == 0.0) continue;
+      const InputDerivatives d = inputs.at_knot(knot, c);
+      sum += signal.p[k] * d[index(2 * j)] + signal.r[k] * d[index(2 * j + 1)];
+    }
+  }
+  return watch.sign * sum;
+}
+
+// Bounds |phi''| of the response over a block of intervals.
+void EventSearch::set_block(std::size_t number) {
+  march_block_ = number;
+  const double* second = sampled_->largest_second(number);
+  const double* third = sampled_->largest_third(number);
+  const double* inputs = sampled_->largest_inputs(number);
+  for (std::size_t w = 0; w < states_.size(); ++w) {
+    const Signal& signal = *states_[w].watch.signal;
+    double sum = 0.0;
+    for (Eigen::Index i = 0; i < sampled_->modes(); ++i) {
+      const Eigen::Index k = sampled_->first_mode() + i;
+      sum += std::abs(signal.p[k]) * second[i] + std::abs(signal.r[k]) * third[i];
+    }
+    for (Eigen::Index c = 0; c < sampled_->inputs().channels(); ++c) {
+      for (Eigen::Index j = 0; j < chain_entries; ++j) {
+        const Eigen::Index k = sampled_->first() + chain_entries * c + j;
+        const double* of = inputs + chain_terms * c;
+        if (2 * j + 2 < chain_terms) sum += std::abs(signal.p[k]) * of[2 * j + 2];
+        if (2 * j + 3 < chain_terms) sum += std::abs(signal.r[k]) * of[2 * j + 3];
+      }
+    }
+    marches_[w].second_of_response = sum;
+  }
+}
+
+// Expands the free part of all signals at the present knot. Returns false if that part does not
+// carry over an interval.
+bool EventSearch::begin_march() {
+  constexpr std::size_t most_intervals = 512;
+  constexpr double remainder_share = 0.02;  // of phi, at the end of the march
+  const Flow& flow = *start_->flow;
+  const SampledInputs& inputs = sampled_->inputs();
+  const Eigen::Index count = std::min(oscillators_needed(), flow.frequencies() + flow.modes());
+  flow.set_harmonics(start_->t + certified_, x_);
+  flow.move_modes(*start_, certified_, flow.frequencies(), count - flow.frequencies(), x_);
+  const std::size_t last = std::min(interval_ + most_intervals, inputs.knots() - 2);
+  double reach = std::min(time_of_knot(last) - certified_, flow.drives().reach());
+  const Point here{flow.oscillators(), flow.drives(), x_, start_->alpha, count, &flow, nullptr};
+  march_end_ = -1.0;
+  for (std::size_t w = 0; w < states_.size(); ++w) {
+    const WatchState& state = states_[w];
+    const Signal& signal = *state.watch.signal;
+    const Expansion e = expand_free_part(signal, state.watch.sign, state.constant, here);
+    const double response = response_at_knot(state.watch, interval_);
+    March& m = marches_[w];
+    std::copy_n(e.a.begin(), degree + 1, m.a.begin());
+    m.a[degree + 1] = e.bound;
+    m.noise = 8.0 * e.noise + 16.0 * machine_epsilon * std::abs(response);
+    // Modes that are left out are bounded by their whole amplitude.
+    m.a[0] -= tail_[w * (index(flow.size()) + 1) + index(count)];
+    m.phi = m.a[0] + response;
+    if (!(m.phi > m.noise)) return false;
+    if (e.bound > 0.0) {
+      reach = std::min(reach, rough_root(remainder_share * m.phi / e.bound, degree + 1));
+    }
+    m.jumps = flow.path() == FlowPath::dense;
+    for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+      for (Eigen::Index j = 1; j < chain_entries; ++j) {
+        const Eigen::Index k = sampled_->first() + chain_entries * c + j;
+        m.jumps = m.jumps || signal.p[k] != 0.0 || signal.r[k] != 0.0;
+      }
+    }
+  }
+  if (!(reach >= to_next_knot())) return false;
+  for (March& m : marches_) {
+    double power = 1.0;
+    m.second = 0.0;
+    for (int n = 2; n <= degree + 1; ++n) {
+      m.second += n * (n - 1) * std::abs(m.a[index(n)]) * power;
+      power *= reach;
+    }
+  }
+  march_begin_ = certified_;
+  march_end_ = certified_ + reach;
+  set_block(interval_ / SampledResponse::block);
+  return true;
+}
+
+// Whether all signals are positive from the present knot to the knot `to` in the same block. If so,
+// moves there.
+bool EventSearch::pass(std::size_t to) {
+  const double end = time_of_knot(to);
+  const double s = end - march_begin_;
+  const double length = end - certified_;
+  if (interval_ / SampledResponse::block != march_block_) {
+    set_block(interval_ / SampledResponse::block);
+  }
+  for (std::size_t w = 0; w < states_.size(); ++w) {
+    March& m = marches_[w];
+    double phi = m.a[degree];
+    double power = s;
+    for (int n = degree - 1; n >= 0; --n) {
+      phi = phi * s + m.a[index(n)];
+      power *= s;
+    }
+    m.next = phi + response_at_knot(states_[w].watch, to) - m.a[degree + 1] * power;
+    const double sag = 0.125 * length * length * (m.second + m.second_of_response);
+    if (!(std::min(m.phi, m.next) > sag + m.noise)) return false;
+  }
+  for (std::size_t w = 0; w < states_.size(); ++w) {
+    marches_[w].phi = marches_[w].next;
+    states_[w].predicted = marches_[w].next;
+  }
+  interval_ = to;
+  certified_ = end;
+  return true;
+}
+
+// Passes intervals without expansions as far as possible. Returns whether it passed any. The inputs
+// may jump at the last knot, so that an expansion ends there.
+bool EventSearch::march() {
+  constexpr int tests_between_looks = 64;
+  const std::size_t last = sampled_->inputs().knots() - 2;
+  if (!at_knot_ || !(certified_ > 0.0) || interval_ >= last || states_.empty()) return false;
+  if (!(time_of_knot(interval_ + 1) <= march_end_) && !begin_march()) return false;
+  const bool single =
+      std::any_of(marches_.begin(), marches_.end(), [](const March& m) { return m.jumps; });
+  bool passed = false;
+  for (int i = 0; i < tests_between_looks && interval_ < last; ++i) {
+    constexpr std::size_t block = SampledResponse::block;
+    std::size_t stride = std::min({stride_, block - interval_ % block, last - interval_});
+    if (single) stride = 1;
+    if (time_of_knot(interval_ + stride) > march_end_) {
+      if (stride == 1) break;
+      stride_ = (stride + 1) / 2;
+    } else if (pass(interval_ + stride)) {
+      passed = true;
+      stride_ = std::min(2 * stride_, block);
+    } else {
+      if (stride == 1) break;
+      stride_ = (stride + 3) / 4;
+    }
+  }
+  return passed;
 }
 
 void EventSearch::advance(double tau) {

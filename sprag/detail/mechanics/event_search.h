@@ -10,8 +10,19 @@
 // sharp. Steps do not leave the certified interval, so no touch is stepped over. A root is accepted
 // if the remainder moves it by less than the resolution of time. Modes whose whole amplitude is
 // small against phi are bounded by that amplitude and not evaluated.
+//
+// With sampled inputs (sampled_inputs.h) a polynomial holds up to the next knot only. So most
+// knots are passed by a cheaper test: phi is the sum of a free motion, whose polynomial holds over
+// many intervals, and of the tabulated response to the inputs. Between two knots at distance d,
+//
+//   phi >= min(phi at the knots) - d^2 / 8 max|phi''|,
+//
+// and max|phi''| is bounded in advance for blocks of intervals. Expansions are needed only in the
+// intervals in which this is not positive: those just before and after a touch.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -62,9 +73,28 @@ class EventSearch {
     bool fires = false;
   };
 
+  // The free motion's polynomials, which pass many knots.
+  struct March {
+    std::array<double, 8> a{};        // of the free part, degree 6, then the remainder's bound
+    double second = 0.0;              // bound of its |phi''| over the march
+    double noise = 0.0;               // rounding error of phi
+    double second_of_response = 0.0;  // bound of the response's |phi''| over the present block
+    double phi = 0.0;                 // lower bound at the present knot
+    double next = 0.0;                // at the knot under test
+    bool jumps = false;               // phi' jumps at knots
+  };
+
   void expand();
-  void look(std::size_t i, Eigen::Index count, double t);
+  void look(std::size_t i, Eigen::Index count, double t, double longest);
   Eigen::Index oscillators_needed() const;
+  bool march();
+  bool begin_march();
+  bool pass(std::size_t to);
+  void set_block(std::size_t number);
+  double response_at_knot(const Watch& watch, std::size_t knot) const;
+  void enter_interval();
+  double time_of_knot(std::size_t knot) const;
+  double to_next_knot() const;
 
   const Motion* start_ = nullptr;
   std::vector<WatchState> states_;
@@ -77,6 +107,17 @@ class EventSearch {
   // ones is too large; cleared by each expansion.
   bool need_all_ = false;
   long expansions_ = 0;
+
+  // With sampled inputs only.
+  const SampledResponse* sampled_ = nullptr;
+  std::size_t interval_ = 0;             // of the knots, contains certified_
+  bool at_knot_ = false;                 // certified_ is at the knot of interval_
+  std::vector<March> marches_;           // per watch
+  double march_begin_ = 0.0;             // time of the polynomials after the start
+  double march_end_ = -1.0;              // they hold up to this time
+  std::size_t march_block_ = 0;          // block that second_of_response refers to
+  std::size_t stride_ = 1;               // intervals of the next test
+  std::vector<PolynomialForce> forces_;  // per mode, at x_
 };
 
 }  // namespace sprag

@@ -18,9 +18,14 @@ Signal Flow::signal(const Functional& functional) const {
   s.held.head(q_forced_.held.cols()) =
       q_forced_.held.transpose() * a + u_forced_.held.transpose() * b;
   const Eigen::VectorXd h_sin = functional.h.imag().cwiseQuotient(dynamics_->frequencies());
-  s.p.head(nf_) =
-      q_forced_.cos.transpose() * a + u_forced_.cos.transpose() * b + functional.h.real();
-  s.r.head(nf_) = q_forced_.sin.transpose() * a + u_forced_.sin.transpose() * b + h_sin;
+  s.p.head(nf_) = q_forced_.cos.transpose() * a + u_forced_.cos.transpose() * b;
+  s.r.head(nf_) = q_forced_.sin.transpose() * a + u_forced_.sin.transpose() * b;
+  s.p.head(nh_) += functional.h.real().array();
+  s.r.head(nh_) += h_sin.array();
+  for (Eigen::Index j = 0; 2 * j < functional.chain.size(); ++j) {
+    s.p[nh_ + j] += functional.chain[2 * j];
+    s.r[nh_ + j] += functional.chain[2 * j + 1];
+  }
   if (path_ == FlowPath::diagonal) {
     s.p.segment(nf_, modes()) = a.array();
     s.r.segment(nf_, modes()) = b.array();
@@ -37,9 +42,9 @@ Signal Flow::signal(const Functional& functional) const {
   return s;
 }
 
-void Flow::set_phases(Instant t, OscillatorState& x) const {
+void Flow::set_harmonics(Instant t, OscillatorState& x) const {
   const Eigen::VectorXd& Omega = dynamics_->frequencies();
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     // The phase Omega t in two parts: at t = 400 the rounded product alone has an error of 1e-13.
     const double phase = Omega[j] * t.hi;
     const double rest = std::fma(Omega[j], t.hi, -phase) + Omega[j] * t.lo;
@@ -202,6 +207,38 @@ void Flow::kick(int contact, double Lambda, Motion& motion) const {
   motion.x.v.segment(nf_, modes()) += Lambda * kick_.col(contact).array();
 }
 
+namespace {
+
+// Contribution of the sampled inputs to the first and second rate of a signal, beyond that of
+// undriven oscillators: the inputs' own derivatives, and the forces on the responses.
+struct SampledRates {
+  double first = 0.0, second = 0.0;
+};
+
+SampledRates sampled_rates(const Signal& signal, const Motion& motion) {
+  SampledRates sum;
+  const SampledResponse& sampled = *motion.flow->sampled();
+  const OscillatorState& x = motion.x;
+  for (Eigen::Index c = 0; c < sampled.inputs().channels(); ++c) {
+    for (Eigen::Index j = 0; j + 1 < chain_entries; ++j) {
+      const Eigen::Index k = sampled.first() + chain_entries * c + j;
+      sum.first += signal.r[k] * x.z[k + 1];
+      sum.second += signal.p[k] * x.z[k + 1] + signal.r[k] * x.v[k + 1];
+    }
+  }
+  const Oscillators& o = motion.flow->oscillators();
+  for (Eigen::Index i = 0; i < sampled.modes(); ++i) {
+    const Eigen::Index k = sampled.first_mode() + i;
+    if (signal.p[k] == 0.0 && signal.r[k] == 0.0) continue;
+    const PolynomialForce F = sampled.force(i, x);
+    sum.first += signal.r[k] * F[0];
+    sum.second += (signal.p[k] - 2.0 * o.delta()[k] * signal.r[k]) * F[0] + signal.r[k] * F[1];
+  }
+  return sum;
+}
+
+}  // namespace
+
 double value(const Signal& signal, const Motion& motion) {
   return signal.constant + signal.held.dot(motion.held) + (signal.p * motion.x.z).sum() +
          (signal.r * motion.x.v).sum();
@@ -215,6 +252,7 @@ double rate(const Signal& signal, const Motion& motion) {
   for (const Drive& drive : motion.flow->drives().all()) {
     sum += signal.r[drive.mode] * drive.force(motion.x);
   }
+  if (motion.flow->sampled() != nullptr) sum += sampled_rates(signal, motion).first;
   return sum;
 }
 
@@ -230,6 +268,7 @@ double second_rate(const Signal& signal, const Motion& motion) {
     sum += (p - 2.0 * o.delta()[drive.mode] * r) * drive.force(motion.x) +
            r * drive.force_rate(o, motion.x);
   }
+  if (motion.flow->sampled() != nullptr) sum += sampled_rates(signal, motion).second;
   return sum;
 }
 

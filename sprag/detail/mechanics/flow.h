@@ -5,19 +5,22 @@
 // eqs. (2), (4) of Baumann & Leine 2014 with a constant set L. On null(W_L^T) the motion is a bank
 // of scalar oscillators z. q, u, and with them every gap, gap velocity and contact force, are
 // linear in (z, z', 1). The bank starts with one undamped oscillator for each frequency of the
-// excitation; the modes follow. A mode is described relative to its steady response to the
-// excitation, or is driven by it where that response is much larger than the motion (drives.h).
+// excitation; the entries of sampled inputs (sampled_inputs.h) and the modes follow. A mode is
+// described relative to its steady response to the harmonics, or is driven by them where that
+// response is much larger than the motion (drives.h), and relative to its response to the inputs.
 // The empty set L is free flight.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/mechanics/drives.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/oscillators.h"
+#include "sprag/detail/mechanics/sampled_inputs.h"
 
 namespace sprag {
 
@@ -72,10 +75,15 @@ class Flow {
   /// Number of oscillators, the same for all flows of a model: frequencies, modes, then unused
   /// ones.
   Eigen::Index size() const { return oscillators_.size(); }
+  /// Number of prescribed oscillators at the front, which follow from the time alone: harmonics()
+  /// of the excitation's frequencies, then the entries of sampled inputs.
   Eigen::Index frequencies() const { return nf_; }
+  Eigen::Index harmonics() const { return nh_; }
   Eigen::Index modes() const { return modes_; }
   const Oscillators& oscillators() const { return oscillators_; }
   const Drives& drives() const { return drives_; }
+  /// The modes' response to sampled inputs; null: the model has none.
+  const SampledResponse* sampled() const { return sampled_.get(); }
   /// Whether some alpha is not zero with all held gaps zero, that is, a constant force acts.
   bool pushed() const { return (alpha0_ != 0.0).any(); }
 
@@ -92,8 +100,13 @@ class Flow {
   void move_modes(const Motion& from, double tau, Eigen::Index first, Eigen::Index count,
                   OscillatorState& x) const;
 
-  /// The excitation's oscillators at t, written into the first frequencies() entries of x.
-  void set_phases(Instant t, OscillatorState& x) const;
+  /// The prescribed oscillators at t, written into the first frequencies() entries of x.
+  void set_phases(Instant t, OscillatorState& x) const {
+    set_harmonics(t, x);
+    if (sampled_) sampled_->set(t, x);
+  }
+  /// The first harmonics() of them alone.
+  void set_harmonics(Instant t, OscillatorState& x) const;
 
   /// q and u of a motion on this flow, f entries each.
   void state(const Motion& motion, Eigen::Ref<Eigen::VectorXd> q,
@@ -140,13 +153,14 @@ class Flow {
   ContactSet locked_;
   ContactSet tied_ = 0;
   FlowPath path_ = FlowPath::diagonal;
+  Eigen::Index nh_ = 0;
   Eigen::Index nf_ = 0;
   Eigen::Index modes_ = 0;
   Oscillators oscillators_;
   Drives drives_;
 
   // Dependence of a vector on the excitation: constant + held g_L + cos z_f + sin z_f', where z_f
-  // are the oscillators of the excitation.
+  // are the prescribed oscillators.
   struct Forced {
     Eigen::VectorXd constant;
     Eigen::MatrixXd held, cos, sin;
@@ -166,6 +180,7 @@ class Flow {
   Eigen::MatrixXd static_shapes_;  // f x L: each opens one contact of L by 1 and no other
 
   std::vector<Signal> gap_, gap_velocity_, force_;
+  std::unique_ptr<const SampledResponse> sampled_;
 };
 
 /// Value of a signal, and its first two time derivatives, at a point of the motion's flow.

@@ -59,6 +59,7 @@ class Flow::Builder {
   explicit Builder(Flow& flow)
       : flow_(flow),
         dynamics_(*flow.dynamics_),
+        nh_(flow.nh_),
         nf_(flow.nf_),
         locked_contacts_(members(flow.locked_)) {}
 
@@ -79,15 +80,22 @@ class Flow::Builder {
   Forced rate(const Forced& forced) const;
   void set_harmonics(const Eigen::MatrixXcd& A, Forced& forced) const;
   void set_static_shapes(const Nullspace& space, const MatrixR& y);
+  bool sampled() const { return !dynamics_.inputs().empty(); }
+  void widen(Forced& forced) const;
+  void set_chain(const Eigen::MatrixXd& chain, Forced& forced) const;
+  void add_sampled(const MatrixR& q_chain, const MatrixR& v_chain, const MatrixR& forces);
 
   Flow& flow_;
   const Dynamics& dynamics_;
-  Eigen::Index nf_;
+  Eigen::Index nh_, nf_;
   std::vector<int> locked_contacts_;
 };
 
 Flow::Flow(const Dynamics& dynamics, ContactSet locked)
-    : dynamics_(&dynamics), locked_(locked), nf_(dynamics.frequencies().size()) {
+    : dynamics_(&dynamics), locked_(locked), nh_(dynamics.frequencies().size()), nf_(nh_) {
+  if (!dynamics.inputs().empty()) {
+    nf_ += chain_entries * dynamics.inputs().channels() + dynamics.coordinates();
+  }
   Builder(*this).build();
 }
 
@@ -127,9 +135,9 @@ void Flow::Builder::build_diagonal() {
   const VectorR kappa = (model.K.diagonal().array() / mass.array()).matrix().cast<Real>();
   const Eigen::VectorXd& Omega = dynamics_.frequencies();
 
-  MatrixCR Z(f, nf_);
-  MatrixCR drive(f, nf_);
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  MatrixCR Z(f, nh_);
+  MatrixCR drive(f, nh_);
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     const Eigen::VectorXcd forcing =
         dynamics_.force_amplitudes().col(j).cwiseQuotient(mass.cast<std::complex<double>>());
     const Response r = response(delta, kappa, forcing.cast<Complex>(), Omega[j], 0);
@@ -143,6 +151,14 @@ void Flow::Builder::build_diagonal() {
   const VectorR alpha = (dynamics_.force_constant().array() / mass.array()).matrix().cast<Real>();
   set_bank(delta, kappa, alpha, drive);
   flow_.kick_ = dynamics_.MinvW();
+  if (!sampled()) return;
+  const SampledInputs& inputs = dynamics_.inputs();
+  const MatrixR none = MatrixR::Zero(f, chain_terms * inputs.channels());
+  MatrixR forces = none;
+  for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+    forces.col(chain_terms * c + 2) = inputs.forces().col(c).cwiseQuotient(mass).cast<Extended>();
+  }
+  add_sampled(none, none, forces);
 }
 
 // The motion y on null(W_L^T), q = B y + q_D, with y'' + C y' + K y = push (1, g_L) + Re forcing
@@ -155,7 +171,79 @@ struct Flow::Builder::Nullspace {
   MatrixCR forcing;
   MatrixR q_D;
   MatrixCR q_D_harmonics;
+  // Columns multiply the derivatives of the sampled inputs.
+  MatrixR q_D_chain, forcing_chain;
 };
+
+// Adds zero columns for the entries of sampled inputs.
+void Flow::Builder::widen(Forced& forced) const {
+  for (Eigen::MatrixXd* columns : {&forced.cos, &forced.sin}) {
+    const Eigen::MatrixXd harmonics = *columns;
+    columns->setZero(harmonics.rows(), nf_);
+    columns->leftCols(nh_) = harmonics;
+  }
+}
+
+// `chain` has a column for each derivative of each input. Even derivatives are the values of
+// prescribed entries, odd ones their rates.
+void Flow::Builder::set_chain(const Eigen::MatrixXd& chain, Forced& forced) const {
+  for (Eigen::Index j = 0; 2 * j < chain.cols(); ++j) {
+    forced.cos.col(nh_ + j) = chain.col(2 * j);
+    forced.sin.col(nh_ + j) = chain.col(2 * j + 1);
+  }
+}
+
+namespace {
+
+// The time derivative of a function of the inputs' derivatives, of which the last is constant.
+MatrixR chain_rate(const MatrixR& chain) {
+  MatrixR rate = MatrixR::Zero(chain.rows(), chain.cols());
+  for (Eigen::Index j = 0; j + 1 < chain.cols(); ++j) {
+    if ((j + 1) % chain_terms != 0) rate.col(j + 1) = chain.col(j);
+  }
+  return rate;
+}
+
+}  // namespace
+
+// The modes z obey z'' + 2 delta z' + kappa z = forces d, with d the derivatives of the inputs, and
+// q = Phi z + Psi z' + q_chain d. The bank's v is z' + v_chain d. With z = y + (motion of the
+// bank), y the response, all vectors get terms of y and d.
+void Flow::Builder::add_sampled(const MatrixR& q_chain, const MatrixR& v_chain,
+                                const MatrixR& forces) {
+  const SampledInputs& inputs = dynamics_.inputs();
+  const Eigen::Index r = forces.rows();
+  const Eigen::Index y = nh_ + chain_entries * inputs.channels();
+  for (Forced* of : {&flow_.q_forced_, &flow_.u_forced_, &flow_.z_forced_, &flow_.v_forced_}) {
+    widen(*of);
+  }
+  flow_.z_forced_.cos.middleCols(y, r).setIdentity();
+  flow_.v_forced_.sin.middleCols(y, r).setIdentity();
+  set_chain(v_chain.cast<double>(), flow_.v_forced_);
+  MatrixR u_chain = chain_rate(q_chain);
+  Forced& q = flow_.q_forced_;
+  Forced& u = flow_.u_forced_;
+  if (flow_.path_ == FlowPath::diagonal) {
+    q.cos.middleCols(y, r).setIdentity();
+    u.sin.middleCols(y, r).setIdentity();
+  } else {
+    q.cos.middleCols(y, r) = flow_.Phi_;
+    u.sin.middleCols(y, r) = flow_.Phi_;
+  }
+  const Eigen::VectorXd delta = flow_.oscillators_.delta().segment(nf_, r).matrix();
+  const Eigen::VectorXd kappa = flow_.oscillators_.kappa().segment(nf_, r).matrix();
+  if (flow_.path_ == FlowPath::dense) {
+    // u = q' contains Psi z'' = Psi (forces d - kappa y - 2 delta y').
+    q.sin.middleCols(y, r) = flow_.Psi_;
+    u.cos.middleCols(y, r) = -flow_.Psi_ * kappa.asDiagonal();
+    u.sin.middleCols(y, r) -= 2.0 * flow_.Psi_ * delta.asDiagonal();
+    u_chain += product(flow_.Psi_.cast<Extended>(), forces);
+  }
+  set_chain(q_chain.cast<double>(), q);
+  set_chain(u_chain.cast<double>(), u);
+  flow_.sampled_ =
+      std::make_unique<const SampledResponse>(inputs, delta, kappa, forces.cast<double>(), nh_, y);
+}
 
 Flow::Forced Flow::Builder::forced(const MatrixR& push, const MatrixCR& harmonics) const {
   Forced forced{push.col(0).cast<double>(), push.rightCols(push.cols() - 1).cast<double>(), {}, {}};
@@ -174,7 +262,7 @@ void Flow::Builder::build_on_nullspace() {
   const MatrixR K = (model.K / mass).cast<Real>();
   MatrixR W(f, l);
   VectorR offsets(l);
-  MatrixCR motion(l, nf_);
+  MatrixCR motion(l, nh_);
   for (Eigen::Index i = 0; i < l; ++i) {
     const int contact = locked_contacts_[static_cast<std::size_t>(i)];
     W.col(i) = dynamics_.W().col(contact).cast<Real>();
@@ -201,12 +289,30 @@ void Flow::Builder::build_on_nullspace() {
   space.q_D_harmonics = -supports;
   space.push = -product(B.transpose(), product(K, space.q_D));
   space.push.col(0) += B.transpose() * (dynamics_.force_constant() / mass).cast<Real>();
-  space.forcing.resize(B.cols(), nf_);
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  space.forcing.resize(B.cols(), nh_);
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     const Complex i_Omega(0, dynamics_.frequencies()[j]);
     const MatrixCR Z = K.cast<Complex>() + i_Omega * C.cast<Complex>();
     const VectorCR F = (dynamics_.force_amplitudes().col(j) / mass).cast<Complex>();
     space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
+  }
+  if (sampled()) {
+    const SampledInputs& inputs = dynamics_.inputs();
+    space.q_D_chain = MatrixR::Zero(f, chain_terms * inputs.channels());
+    space.forcing_chain = MatrixR::Zero(B.cols(), chain_terms * inputs.channels());
+    for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
+      VectorR shares(l);
+      for (Eigen::Index i = 0; i < l; ++i) {
+        shares[i] = inputs.motions()(locked_contacts_[static_cast<std::size_t>(i)], c);
+      }
+      const VectorR support = D * shares;
+      const VectorR of_force = (inputs.forces().col(c) / mass).cast<Extended>();
+      const Eigen::Index e = chain_terms * c;
+      space.q_D_chain.col(e) = -support;
+      space.forcing_chain.col(e) = B.transpose() * (K * support);
+      space.forcing_chain.col(e + 1) = B.transpose() * (C * support);
+      space.forcing_chain.col(e + 2) = B.transpose() * of_force;
+    }
   }
 
   if (modal) {
@@ -230,9 +336,9 @@ void Flow::Builder::build_modal(const Nullspace& space) {
   drop_noise(kappa);
   set_static_shapes(space, at_rest(kappa, space.push.rightCols(space.push.cols() - 1)));
   const MatrixR none = MatrixR::Zero(r, space.push.cols());
-  MatrixCR Z(r, nf_);
-  MatrixCR drive(r, nf_);
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  MatrixCR Z(r, nh_);
+  MatrixCR drive(r, nh_);
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     const Response response =
         modal::response(delta, kappa, space.forcing.col(j), dynamics_.frequencies()[j], no_force);
     Z.col(j) = response.steady;
@@ -248,6 +354,9 @@ void Flow::Builder::build_modal(const Nullspace& space) {
   flow_.q_forced_ = forced(space.q_D, complex_product(space.B, Z) + space.q_D_harmonics);
   flow_.u_forced_ = rate(flow_.q_forced_);
   set_bank(delta, kappa, space.push, drive);
+  if (!sampled()) return;
+  const MatrixR no_chain = MatrixR::Zero(r, space.forcing_chain.cols());
+  add_sampled(space.q_D_chain, no_chain, space.forcing_chain);
 }
 
 void Flow::Builder::build_dense(const Nullspace& space) {
@@ -273,10 +382,10 @@ void Flow::Builder::build_dense(const Nullspace& space) {
   const MatrixR none = MatrixR::Zero(r, beta.cols());
   const MatrixR alpha = beta.bottomRows(r) + 2 * delta.asDiagonal() * beta_z;
   const MatrixR v = -beta_z;
-  MatrixCR Z(r, nf_);
-  MatrixCR V(r, nf_);
-  MatrixCR drive(r, nf_);
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  MatrixCR Z(r, nh_);
+  MatrixCR V(r, nh_);
+  MatrixCR drive(r, nh_);
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     const Complex i_Omega(0, dynamics_.frequencies()[j]);
     const VectorCR b = from_force.cast<Complex>() * space.forcing.col(j);
     const VectorCR forcing =
@@ -307,6 +416,13 @@ void Flow::Builder::build_dense(const Nullspace& space) {
   flow_.u_forced_.cos += pushed.cos;
   flow_.u_forced_.sin += pushed.sin;
   set_bank(delta, kappa, alpha, drive);
+  if (!sampled()) return;
+  const MatrixR b = product(from_force, space.forcing_chain);
+  const MatrixR b_z = b.topRows(r);
+  const MatrixR b_v = b.bottomRows(r);
+  const MatrixR v_chain = -b_z;
+  add_sampled(product(BR, v_chain) + space.q_D_chain, v_chain,
+              b_v + 2 * delta.asDiagonal() * b_z + chain_rate(b_z));
 }
 
 // alpha has columns as Nullspace::push, drive one column per frequency. Modes are in the order of
@@ -316,14 +432,21 @@ void Flow::Builder::set_bank(const VectorR& delta, const VectorR& kappa, const M
   const Eigen::Index f = dynamics_.coordinates();
   const Eigen::VectorXd& Omega = dynamics_.frequencies();
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(nf_);
-  flow_.oscillators_ = Oscillators(trailing_frequencies(none, delta, f),
-                                   trailing_frequencies(Omega.cwiseAbs2(), kappa, f));
+  Eigen::VectorXd front_delta = none;
+  Eigen::VectorXd front_kappa = none;
+  front_kappa.head(nh_) = Omega.cwiseAbs2();
+  if (sampled()) {
+    front_delta.segment(nf_ - f, delta.size()) = delta.cast<double>();
+    front_kappa.segment(nf_ - f, kappa.size()) = kappa.cast<double>();
+  }
+  flow_.oscillators_ = Oscillators(trailing_frequencies(front_delta, delta, f),
+                                   trailing_frequencies(front_kappa, kappa, f));
   flow_.alpha0_ = trailing_frequencies(none, alpha.col(0), f);
   flow_.alpha_held_ = Eigen::MatrixXd::Zero(flow_.size(), alpha.cols() - 1);
   flow_.alpha_held_.middleRows(nf_, alpha.rows()) =
       alpha.rightCols(alpha.cols() - 1).cast<double>();
   std::vector<Drive> drives;
-  for (Eigen::Index j = 0; j < nf_; ++j) {
+  for (Eigen::Index j = 0; j < nh_; ++j) {
     for (Eigen::Index i = 0; i < drive.rows(); ++i) {
       const auto A = static_cast<std::complex<double>>(drive(i, j));
       if (A != 0.0) drives.push_back({nf_ + i, j, A.real(), A.imag() / Omega[j]});
@@ -352,7 +475,8 @@ void Flow::Builder::build_signals() {
   for (Eigen::Index i = 0; i < l; ++i) {
     Functional lambda{Eigen::VectorXd::Zero(dynamics_.coordinates()),
                       Eigen::VectorXd::Zero(dynamics_.coordinates()), 0.0,
-                      Eigen::VectorXcd::Zero(nf_)};
+                      Eigen::VectorXcd::Zero(nh_),
+                      Eigen::VectorXd::Zero(chain_terms * dynamics_.inputs().channels())};
     for (Eigen::Index j = 0; j < l; ++j) {
       const Functional a =
           dynamics_.free_acceleration(locked_contacts_[static_cast<std::size_t>(j)]);
@@ -360,6 +484,7 @@ void Flow::Builder::build_signals() {
       lambda.b -= G_inverse(i, j) * a.b;
       lambda.constant -= G_inverse(i, j) * a.constant;
       lambda.h -= G_inverse(i, j) * a.h;
+      lambda.chain -= G_inverse(i, j) * a.chain;
     }
     flow_.force_[static_cast<std::size_t>(locked_contacts_[static_cast<std::size_t>(i)])] =
         flow_.signal(lambda);
@@ -374,13 +499,22 @@ Signal Flow::Builder::tied_gap_velocity(int contact) const {
   const Functional gamma = dynamics_.gap_velocity(contact);
   Signal s = flow_.signal(gamma);
   const Eigen::VectorXd b = gamma.b.cwiseAbs();
-  const Eigen::VectorXd p =
-      flow_.u_forced_.cos.cwiseAbs().transpose() * b + gamma.h.real().cwiseAbs();
-  const Eigen::VectorXd r = flow_.u_forced_.sin.cwiseAbs().transpose() * b +
-                            gamma.h.imag().cwiseAbs().cwiseQuotient(dynamics_.frequencies());
+  Eigen::VectorXd p = flow_.u_forced_.cos.cwiseAbs().transpose() * b;
+  Eigen::VectorXd r = flow_.u_forced_.sin.cwiseAbs().transpose() * b;
+  p.head(nh_) += gamma.h.real().cwiseAbs();
+  r.head(nh_) += gamma.h.imag().cwiseAbs().cwiseQuotient(dynamics_.frequencies());
+  for (Eigen::Index j = 0; 2 * j < gamma.chain.size(); ++j) {
+    p[nh_ + j] += std::abs(gamma.chain[2 * j]);
+    r[nh_ + j] += std::abs(gamma.chain[2 * j + 1]);
+  }
   for (Eigen::Index j = 0; j < nf_; ++j) {
     if (std::abs(s.p[j]) <= nothing * p[j]) s.p[j] = 0.0;
     if (std::abs(s.r[j]) <= nothing * r[j]) s.r[j] = 0.0;
+  }
+  // gamma depends on the supports alone: shares of the modes' responses are rounding errors.
+  if (sampled()) {
+    s.p.segment(nf_ - dynamics_.coordinates(), dynamics_.coordinates()).setZero();
+    s.r.segment(nf_ - dynamics_.coordinates(), dynamics_.coordinates()).setZero();
   }
   s.p.tail(flow_.size() - nf_).setZero();
   s.r.tail(flow_.size() - nf_).setZero();

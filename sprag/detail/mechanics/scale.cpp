@@ -42,12 +42,30 @@ double energy_of_answer(const Force& force, const Eigen::VectorXd& phi, double c
   return energy;
 }
 
+// Typical frequency of a sampled input [rad per unit of time].
+double frequency_of(const SampledInput& input) {
+  return input.largest(2) > 0.0 ? input.largest(3) / input.largest(2) : 0.0;
+}
+
+// The same for a sampled force, as a harmonic of the same rms. The record may excite resonances.
+double energy_of_sampled_answer(const Force& force, const Eigen::VectorXd& phi, double m,
+                                double k) {
+  constexpr double response = 0.1;
+  const double stiffest = std::max(k, m * square(frequency_of(*force.input)));
+  if (stiffest == 0.0) return 0.0;
+  const double share = phi.dot(force.direction) * std::sqrt(2.0) * force.input->rms();
+  return 0.5 * square(share / response) / stiffest;
+}
+
 }  // namespace
 
 double length_scale(const Model& model, const State& start) {
   double length = start.q.cwiseAbs().maxCoeff();
   for (const Contact& contact : model.contacts) {
     length = std::max({length, std::abs(contact.clearance), std::abs(contact.motion.amplitude)});
+    if (contact.input && contact.input->settings().displacement) {
+      length = std::max(length, std::abs(contact.input_share) * contact.input->largest(0));
+    }
   }
   return length > 0.0 ? length : 1.0;
 }
@@ -61,6 +79,9 @@ double energy_scale(const Model& model, const State& start) {
     const double c = phi.dot(model.C * phi);
     for (const Force& force : model.forces) {
       energy += energy_of_answer(force, phi, c, modes.mass[i], modes.stiffness[i], length);
+      if (force.input) {
+        energy += energy_of_sampled_answer(force, phi, modes.mass[i], modes.stiffness[i]);
+      }
     }
   }
   for (const Contact& contact : model.contacts) {
@@ -90,15 +111,21 @@ double time_scale(const Model& model, const State& start) {
   for (const Force& f : model.forces) {
     force += f.direction * (f.constant + value(f.harmonic, 0.0));
     if (oscillates(f.harmonic)) fastest = std::max(fastest, f.harmonic.frequency);
+    if (f.input) {
+      force += f.direction * f.input->value(0.0);
+      fastest = std::max(fastest, frequency_of(*f.input));
+    }
   }
   const Eigen::VectorXd acceleration = M_inverse * force;
   double slowest = 0.0;
   for (const Contact& contact : model.contacts) {
     const Harmonic& s = contact.motion;
     if (oscillates(s)) fastest = std::max(fastest, s.frequency);
+    const double of_input = contact.input ? contact.input_share * contact.input->value(0.0) : 0.0;
     slowest = std::max(
-        slowest, flight(gap(contact, start.q, 0.0), gap_velocity(contact, start.u, 0.0),
-                        contact.w.dot(acceleration) - s.frequency * s.frequency * value(s, 0.0)));
+        slowest,
+        flight(gap(contact, start.q, 0.0), gap_velocity(contact, start.u, 0.0),
+               contact.w.dot(acceleration) - s.frequency * s.frequency * value(s, 0.0) + of_input));
   }
   const double vibrates = fastest > 0.0 ? some_periods / fastest : infinity;
   return slowest > 0.0 ? std::min(vibrates, slowest) : vibrates;

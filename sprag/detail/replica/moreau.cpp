@@ -49,6 +49,7 @@ void MoreauReplica::add_force(double t, double weight) {
     force_ += weight * (std::cos(Omega[j] * t) * dynamics_.force_amplitudes().col(j).real() -
                         std::sin(Omega[j] * t) * dynamics_.force_amplitudes().col(j).imag());
   }
+  dynamics_.inputs().add_force(t, weight, force_);
 }
 
 void MoreauReplica::tick(std::span<const ContactEvent> events, MoreauState& state) {

@@ -20,7 +20,7 @@ double penetration(std::span<const Contact> contacts, const Eigen::Ref<const Eig
     ++i;
     const double allowed = gap_rounding * length + (std::isfinite(sigma) ? covered * sigma : 0.0);
     const double depth =
-        -(contact.w.head(q.size()).dot(q) + value(contact.motion, t) + contact.clearance);
+        -(contact.w.head(q.size()).dot(q) + support_motion(contact, t) + contact.clearance);
     if (depth > allowed) deepest = std::max(deepest, depth);
   }
   return deepest;

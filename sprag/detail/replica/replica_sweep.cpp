@@ -86,7 +86,8 @@ bool ReplicaSweep::of_one_structure(const Flows& a, const Flows& b) {
   const auto& x = a.dynamics();
   const auto& y = b.dynamics();
   return x.coordinates() == y.coordinates() && x.contacts() == y.contacts() &&
-         x.frequencies().size() == y.frequencies().size();
+         x.frequencies().size() == y.frequencies().size() &&
+         x.inputs().channels() == y.inputs().channels();
 }
 
 ReplicaSweep::ReplicaSweep(std::span<const Run> runs, double h) : h_(h) {
@@ -143,7 +144,8 @@ void ReplicaSweep::go_on(std::size_t l, std::int64_t end) {
   ReplicaState& state = lane.state;
   end = std::min(end, lane.ticks);
   while (state.tick < end) {
-    if (state.chi == 0 && !lane.replica->flight().driven()) {
+    const TickedFlight& flight = lane.replica->flight();
+    if (state.chi == 0 && !flight.driven() && !flight.sampled()) {
       const std::int64_t until = std::min(end, lane.event_tick - 1);
       const auto plain =
           std::min<std::int64_t>(until - state.tick, TickedFlight::plain_ticks(state.anchor));

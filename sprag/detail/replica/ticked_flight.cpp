@@ -8,8 +8,8 @@ namespace {
 // The phases lose about one rounding per radian until they are set from the time.
 unsigned blocks_between_phases(const Flow& free, double duration) {
   constexpr double radians = 16.0, most = 16.0;
-  if (free.frequencies() == 0) return 1;
-  const double Omega = free.oscillators().root_kappa().head(free.frequencies()).maxCoeff();
+  if (free.harmonics() == 0) return 1;
+  const double Omega = free.oscillators().root_kappa().head(free.harmonics()).maxCoeff();
   return static_cast<unsigned>(std::clamp(radians / (Omega * duration), 1.0, most));
 }
 
@@ -24,7 +24,8 @@ TickedFlight::TickedFlight(const Flow& free, double h)
       driven_tick_(free.oscillators(), free.drives(), h),
       driven_block_(free.oscillators(), free.drives(), block * h),
       drifts_(free.pushed()),
-      pushed_(drifts_ || driven()) {}
+      pushed_(drifts_ || driven()),
+      sampled_(free.sampled() != nullptr) {}
 
 void TickedFlight::push(Motion& motion) const {
   if (drifts_) tick_.push(motion.alpha, motion.x);
@@ -36,7 +37,7 @@ void TickedFlight::step_from_anchor(std::int64_t k, Motion& motion, Anchor& anch
   block_.rotate(x);
   if (drifts_) block_.push(motion.alpha, x);
   if (anchor.ticks_since == phased_) {
-    free_->set_phases(tick_instant(k, h_), x);
+    free_->set_harmonics(tick_instant(k, h_), x);
     anchor.ticks_since = 0;
   }
   driven_block_.apply(x);

@@ -31,6 +31,13 @@ class TickedFlight {
   /// Moves from tick k - 1 to tick k. The motion's time becomes no_instant; a caller that needs it
   /// sets that of tick k.
   void step(std::int64_t k, Motion& motion, Anchor& anchor) const {
+    step_modes(k, motion, anchor);
+    if (sampled_) set_inputs(k, motion);
+  }
+
+  /// The same without the entries of sampled inputs, which set_inputs() sets. No later step depends
+  /// on them.
+  void step_modes(std::int64_t k, Motion& motion, Anchor& anchor) const {
     motion.t = no_instant;
     if (++anchor.ticks_since % block != 0) {
       tick_.rotate(motion.x);
@@ -39,6 +46,11 @@ class TickedFlight {
       step_from_anchor(k, motion, anchor);
     }
   }
+  void set_inputs(std::int64_t k, Motion& motion) const {
+    free_->sampled()->set(tick_instant(k, h_), motion.x);
+  }
+  /// Whether the machine has sampled inputs.
+  bool sampled() const { return sampled_; }
 
   /// Number of next ticks that are products of the rounded step, before the next long step.
   static int plain_ticks(const Anchor& anchor) {
@@ -63,6 +75,7 @@ class TickedFlight {
   DriveTable driven_tick_, driven_block_;
   bool drifts_ = false;  // there is a constant force
   bool pushed_ = false;  // drifts_, or a force near resonance
+  bool sampled_ = false;
 };
 
 }  // namespace sprag

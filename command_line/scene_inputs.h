@@ -1,0 +1,17 @@
+// Checks of a scene's recorded inputs against what a program needs.
+#pragma once
+
+#include <string>
+
+#include "sprag/scene.h"
+
+namespace sprag {
+
+/// Throws UsageError if the scene has a recorded input that ends before `duration` [s]. `option`:
+/// the option of the program that gives it.
+void require_inputs_until(const Scene& scene, double duration, const std::string& option);
+
+/// Throws UsageError if the scene has a recorded input, which `program` does not support.
+void refuse_recorded_inputs(const Scene& scene, const std::string& program);
+
+}  // namespace sprag

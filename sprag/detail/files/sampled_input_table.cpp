@@ -1,0 +1,169 @@
+#include "sprag/detail/files/sampled_input_table.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/files/record_file.h"
+#include "sprag/scene_file.h"
+
+namespace sprag {
+namespace {
+
+// Interpolation errors up to this share of the signal's rms are not reported.
+constexpr double reported_error = 0.01;
+constexpr double gravity = 9.80665;
+
+// "ax [g]", "a (g)": the unit in the name of a column.
+bool is_in_g(const std::string& column) {
+  return column.find("[g]") != std::string::npos || column.find("(g)") != std::string::npos;
+}
+
+Record read_record(const TomlTable& table, const RecordColumns& columns) {
+  const std::string path = table.path_of("file");
+  try {
+    return read_record_file(table.file("file"), columns);
+  } catch (const SceneError& error) {
+    const std::string message = error.message + " (" + path + ")";
+    if (error.line == 0) throw SceneError(error.file, message);
+    throw SceneError(error.file, error.line, error.column, message);
+  } catch (const InputError& error) {
+    table.fail("file", std::string("names a file: ") + error.what());
+  }
+}
+
+// Without a unit, values that look as if they were multiples of g.
+void remark_on_gravity(const TomlTable& table, const Record& record) {
+  if (table.has("unit")) return;
+  const double mean = std::accumulate(record.values.begin(), record.values.end(), 0.0) /
+                      static_cast<double>(record.values.size());
+  if (std::abs(std::abs(mean) - 1.0) < 0.05) {
+    table.remark("file", "has the mean " + rounded(mean) +
+                             ": if that is gravity in units of g, set unit = 9.80665");
+  } else if (std::abs(std::abs(mean) - gravity) < 0.02 * gravity) {
+    table.remark("file", "has the mean " + rounded(mean) +
+                             ": the record contains gravity, which acts as a constant "
+                             "acceleration of the frame");
+  }
+}
+
+SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bool displacement,
+                               bool acceleration) {
+  SampledInput::Settings settings;
+  settings.displacement = displacement;
+  settings.name = table.required_string("file");
+  const std::string_view interpolation = displacement
+                                             ? table.choice("interpolation", {"spline", "linear"})
+                                             : table.choice("interpolation", {"linear", "spline"});
+  settings.interpolation =
+      interpolation == "linear" ? Interpolation::linear : Interpolation::spline;
+  if (displacement && interpolation == "linear") {
+    table.fail("interpolation",
+               "is \"linear\"; must be \"spline\" for a displacement (linear pieces would be "
+               "impacts at every sample)");
+  }
+  const std::string_view outside = table.choice("outside", {"error", "zero", "hold"});
+  settings.outside = outside == "zero"   ? Outside::zero
+                     : outside == "hold" ? Outside::hold
+                                         : Outside::error;
+  if (displacement && settings.outside != Outside::error) {
+    table.fail("outside", "is \"" + std::string(outside) +
+                              "\"; must be \"error\" for a displacement, which would jump");
+  }
+  const double unit = table.number_or("unit", 1.0, any_number);
+  if (unit == 0.0) table.fail("unit", "is 0; must be what one unit of the file is");
+  settings.noise = std::abs(unit) * table.number_or("uncertainty", 0.0, not_negative);
+  if (displacement && settings.noise > 0.0) {
+    table.fail("uncertainty", "is for an acceleration or a force; must go for a displacement");
+  }
+
+  columns.time = table.string_or("time", "");
+  Record record = read_record(table, columns);
+  if (acceleration && is_in_g(record.column) && !table.has("unit")) {
+    table.fail("file", "has the column '" + record.column +
+                           "', an acceleration in g; the table must have unit = 9.80665 (or unit "
+                           "= 1 if the scene's accelerations are in g)");
+  }
+  if (acceleration) remark_on_gravity(table, record);
+  for (double& value : record.values) value *= unit;
+  if (settings.outside == Outside::error && record.t.front() > 0.0) {
+    table.fail("file", "begins at t = " + to_text(record.t.front()) +
+                           "; must begin at t <= 0, or the table must have outside = \"zero\" or "
+                           "\"hold\"");
+  }
+  auto input = std::make_shared<const SampledInput>(record.t, record.values, std::move(settings));
+  if (!std::isfinite(input->largest(2)) || !std::isfinite(input->largest(5))) {
+    table.fail("file", "has values beyond the range of doubles; must be in other units");
+  }
+  const double error = input->interpolation_error();
+  if (input->rms() > 0.0 && error > reported_error * input->rms()) {
+    table.remark("file",
+                 "is not resolved by its sampling: between samples the input may be off by " +
+                     rounded(error) + ", " + rounded(100.0 * error / input->rms()) +
+                     " % of its rms. The estimates do not account for it; sample faster, "
+                     "or set uncertainty");
+  }
+  return input;
+}
+
+}  // namespace
+
+bool has_harmonic_keys(const TomlTable& table) {
+  return table.has("amplitude") || table.has("frequency") || table.has("phase");
+}
+
+SampledInputPointer read_frame_input(const TomlTable& table) {
+  if (table.has("acceleration") && table.has("displacement")) {
+    table.fail("displacement",
+               "and " + table.path_of("acceleration") + " exclude each other; must be one of them");
+  }
+  const char* const named = table.has("displacement")   ? "displacement"
+                            : table.has("acceleration") ? "acceleration"
+                                                        : nullptr;
+  const std::string quantity =
+      table.has("quantity") || named == nullptr
+          ? std::string(table.choice("quantity", {"acceleration", "displacement"}))
+          : named;
+  if (named != nullptr && quantity != named) {
+    table.fail("quantity", "is \"" + quantity + "\", but " + table.path_of(named) +
+                               " names the column; must agree");
+  }
+  const bool displacement = quantity == "displacement";
+  return read_input(table, {{}, named != nullptr ? table.required_string(named) : ""}, displacement,
+                    !displacement);
+}
+
+SampledInputPointer read_force_input(const TomlTable& table) {
+  return read_input(table, {{}, table.string_or("force", "")}, false, false);
+}
+
+void check_ground_supports(const TomlTable& excitation, const Model& model) {
+  if (!excitation.has("file")) return;
+  std::string on_ground;
+  const SampledInput* input = nullptr;
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    if (!model.contacts[i].input || model.contacts[i].input_share == 0.0) continue;
+    input = model.contacts[i].input.get();
+    on_ground += (on_ground.empty() ? "" : ", ") + std::to_string(i + 1);
+  }
+  if (input == nullptr || input->settings().displacement) return;
+  if (input->settings().noise > 0.0) {
+    excitation.fail("uncertainty", "is not supported with supports on the ground (contact " +
+                                       on_ground +
+                                       "); mount must be \"frame\", or the key must go");
+  }
+  const double t = input->last();
+  excitation.remark("file", "is an acceleration that moves supports on the ground (contact " +
+                                on_ground +
+                                ") by its twofold integral: from rest at its begin to " +
+                                rounded(input->displacement(t)) + " at t = " + rounded(t) +
+                                ". Offsets and low frequencies of the sensor make that drift; "
+                                "record the displacement, or mount the contact on the frame");
+}
+
+}  // namespace sprag

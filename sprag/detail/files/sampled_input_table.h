@@ -1,0 +1,22 @@
+// Sampled inputs in the tables [excitation] and [[force]] of a scene: keys file, time,
+// acceleration, displacement, force, quantity, unit, interpolation, outside and uncertainty.
+#pragma once
+
+#include "sprag/detail/files/toml_reader.h"
+#include "sprag/model.h"
+
+namespace sprag {
+
+/// Whether the table has a key of a harmonic.
+bool has_harmonic_keys(const TomlTable& table);
+
+/// The record of [excitation], an acceleration or a displacement. Throws SceneError.
+SampledInputPointer read_frame_input(const TomlTable& table);
+/// The record of a [[force]]. Throws SceneError.
+SampledInputPointer read_force_input(const TomlTable& table);
+
+/// Supports on the ground under a recorded acceleration: adds a remark about their drift. Throws
+/// SceneError if the samples have an uncertainty.
+void check_ground_supports(const TomlTable& excitation, const Model& model);
+
+}  // namespace sprag

@@ -1,0 +1,140 @@
+/// \file
+/// \brief A recorded force, acceleration or displacement as a piecewise polynomial of time.
+///
+/// The input a(t) acts as a force or as the acceleration of a frame. Its twofold integral e(t),
+/// with e'' = a, is the motion of that frame. A recorded displacement is e(t) itself. Between two
+/// knots e(t) is a polynomial of degree <= 5, so that the exact flow and the event search remain
+/// exact.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace sprag {
+
+/// \brief Interpolation between samples.
+enum class Interpolation {
+  linear,  ///< first-order hold
+  spline   ///< cubic spline with continuous second derivative and not-a-knot ends (de Boor 1978)
+};
+
+/// \brief Value of the input before the first and after the last sample.
+enum class Outside {
+  error,  ///< the input must not be used there; it is held
+  zero,   ///< a = 0
+  hold    ///< a keeps the value of the nearest sample
+};
+
+/// \brief Derivatives 0 to 5 of e(t): e, e', a, a', a'', a'''.
+using InputDerivatives = std::array<double, 6>;
+
+/// \brief A sampled input. It does not change after construction; models share it.
+class SampledInput {
+ public:
+  /// \brief How samples become a function of time.
+  struct Settings {
+    Interpolation interpolation = Interpolation::linear;  ///< linear is not for a displacement
+    Outside outside = Outside::error;                     ///< displacement: error only
+    bool displacement = false;                            ///< the samples are e(t), else a(t)
+    double noise = 0.0;     ///< standard deviation of the samples' errors, >= 0
+    std::string name = {};  ///< name in messages, for example the file
+  };
+
+  /// \brief Interpolates samples. Sample times that are evenly spaced up to 1e-6 of the spacing
+  /// become exactly even.
+  ///
+  /// e and e' are zero at the first knot unless the samples are displacements.
+  /// \param t times, strictly increasing, at least 4 [s].
+  /// \param values as many values.
+  /// \param settings interpolation.
+  /// \throws std::invalid_argument for samples or settings that are not as described.
+  SampledInput(std::span<const double> t, std::span<const double> values, Settings settings);
+
+  /// \brief Settings given at construction.
+  /// \return the settings.
+  const Settings& settings() const { return settings_; }
+  /// \brief Interval between samples; the mean interval if it varies.
+  /// \return dt [s].
+  double spacing() const { return spacing_; }
+  /// \brief Whether all intervals between knots are equal.
+  /// \return true if they are.
+  bool even() const { return even_; }
+  /// \brief Times at which the polynomial changes, increasing. The last polynomial has no end.
+  /// \return the knots [s].
+  const std::vector<double>& knots() const { return knots_; }
+  /// \brief First and last sample.
+  /// \return the time [s].
+  double first() const { return first_; }
+  /// \copydoc first
+  double last() const { return knots_.back(); }
+  /// \brief End of the time in which the input may be used.
+  /// \return last() for Outside::error, else infinity [s].
+  double end() const {
+    return settings_.outside == Outside::error ? last() : std::numeric_limits<double>::infinity();
+  }
+
+  /// \brief Number of the interval that contains t, in constant time for even knots.
+  /// \param t time [s].
+  /// \return the last k with knots()[k] <= t, or 0.
+  std::size_t interval(double t) const;
+  /// \brief Derivatives of e at knot k, from the right.
+  /// \param k number of the knot.
+  /// \return e, e', a, a', a'', a'''.
+  const InputDerivatives& at_knot(std::size_t k) const { return pieces_[k]; }
+  /// \brief Derivatives of e on the polynomial of interval k.
+  /// \param k number of the interval.
+  /// \param tau time since its first knot [s].
+  /// \return e, e', a, a', a'', a'''.
+  InputDerivatives derivatives(std::size_t k, double tau) const;
+  /// \brief The input at time t.
+  /// \param t time [s].
+  /// \return a(t).
+  double value(double t) const;
+  /// \brief The motion of a frame with this acceleration.
+  /// \param t time [s].
+  /// \return e(t).
+  double displacement(double t) const;
+  /// \brief The velocity of that frame.
+  /// \param t time [s].
+  /// \return e'(t).
+  double velocity(double t) const;
+
+  /// \brief Bound on a derivative of e over the record, and after it for Outside::zero or hold.
+  /// \param order 0 to 5.
+  /// \return the largest absolute value; infinity for e and e' of an input that goes on after its
+  /// record with a velocity.
+  double largest(int order) const { return largest_[static_cast<std::size_t>(order)]; }
+  /// \brief Root mean square of a over the samples.
+  /// \return the root mean square.
+  double rms() const { return rms_; }
+  /// \brief Estimate of the largest interpolation error of a, from differences of the samples.
+  ///
+  /// Large for content near half of the sampling frequency, which no interpolation resolves.
+  /// \return the error, in the unit of a.
+  double interpolation_error() const { return interpolation_error_; }
+
+ private:
+  void set_knots(std::span<const double> t);
+  void interpolate(std::span<const double> values);
+  void integrate();
+  void extend();
+  void measure(std::span<const double> values);
+
+  Settings settings_;
+  std::vector<double> knots_;
+  std::vector<InputDerivatives> pieces_;
+  double first_ = 0.0, spacing_ = 0.0;
+  bool even_ = false;
+  InputDerivatives largest_{};
+  double rms_ = 0.0, interpolation_error_ = 0.0;
+};
+
+/// \brief Shared constant input; null: none.
+using SampledInputPointer = std::shared_ptr<const SampledInput>;
+
+}  // namespace sprag

@@ -1,0 +1,469 @@
+// listen as a process: a pipe, a pseudo-terminal and a socket, many edges, damaged lines, devices
+// that restart and leave, and an observer that follows it.
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <stdlib.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "tests/support/program_test.h"
+#include "tests/support/random.h"
+#include "tests/support/udp_url.h"
+
+namespace sprag {
+namespace {
+
+using enum ContactEventKind;
+using test::Arguments;
+using test::eventually;
+using test::Process;
+using test::read_text;
+using test::write_text;
+
+constexpr auto patience = std::chrono::seconds(120);  // of a hang
+
+/// The device's end of a connection.
+class Wire {
+ public:
+  Wire() = default;
+  explicit Wire(int descriptor) : descriptor_(descriptor) {}
+  Wire(Wire&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
+  Wire& operator=(Wire&& other) noexcept {
+    hang_up();
+    descriptor_ = std::exchange(other.descriptor_, -1);
+    return *this;
+  }
+  ~Wire() { hang_up(); }
+
+  void send(std::string_view bytes) {
+    while (!bytes.empty()) {
+      const ssize_t count = ::write(descriptor_, bytes.data(), bytes.size());
+      ASSERT_GT(count, 0);
+      bytes.remove_prefix(static_cast<std::size_t>(count));
+    }
+  }
+  void hang_up() {
+    if (descriptor_ >= 0) ::close(std::exchange(descriptor_, -1));
+  }
+
+ private:
+  int descriptor_ = -1;
+};
+
+struct Recorded {
+  std::vector<std::vector<ContactEvent>> sessions;
+  double horizon = -1.0;  // of the last message
+};
+
+/// The events of a log, by session. Sessions may overlap by their last messages.
+Recorded read_log(const std::filesystem::path& file, const std::optional<Key>& key = std::nullopt) {
+  Recorded result;
+  std::vector<std::int64_t> known;
+  ChannelLogReader reader(file);
+  ChannelRecord record;
+  ContactMessage message;
+  while (reader.next(record)) {
+    EXPECT_EQ(record.channel, contacts_channel);
+    std::span<const std::uint8_t> data(record.data);
+    if (key) data = data.first(data.size() - Key::tag_size);
+    EXPECT_EQ(decode(data, message), Refusal::none);
+    auto found = std::ranges::find(known, message.session);
+    if (found == known.end()) {
+      known.push_back(message.session);
+      result.sessions.emplace_back();
+      found = known.end() - 1;
+    }
+    auto& events = result.sessions[static_cast<std::size_t>(found - known.begin())];
+    const auto first = message.records_total - message.records;
+    EXPECT_LE(first, std::ssize(events)) << "events are missing between two messages";
+    for (std::int64_t i = std::ssize(events); i < message.records_total; ++i)
+      events.push_back(message.record[static_cast<std::size_t>(i - first)]);
+    result.horizon = message.horizon;
+  }
+  EXPECT_TRUE(reader.damages().empty());
+  return result;
+}
+
+class ListenProgramTest : public test::ProgramTest {
+ protected:
+  Process& start(const Arguments& arguments) {
+    Arguments command = arguments;
+    const std::string label = std::to_string(processes_.size()) + "_" +
+                              std::filesystem::path(command.front()).filename().string();
+    return *processes_.emplace_back(std::make_unique<Process>(command, directory_ / "", label));
+  }
+
+  Arguments listen(const Arguments& more) const {
+    Arguments command{LISTEN,     scene_,
+                      "--url",    url_,
+                      "--report", path("report.json"),
+                      "--record", path("run.lcmlog")};
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+
+  /// Starts listen with its standard input at a pipe, whose other end is `wire`.
+  Process& start_at_pipe(const Arguments& more, Wire& wire) {
+    const std::string pipe = path("pipe");
+    EXPECT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    Arguments command{"sh", "-c", "exec \"$@\" < \"$0\"", pipe};
+    const Arguments program = listen(more);
+    command.insert(command.end(), program.begin(), program.end());
+    Process& process = start(command);
+    wire = Wire(::open(pipe.c_str(), O_WRONLY | O_CLOEXEC));
+    return process;
+  }
+
+  /// A pseudo-terminal to which path("tty") leads.
+  Wire open_terminal() {
+    const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+    EXPECT_EQ(::grantpt(terminal), 0);
+    EXPECT_EQ(::unlockpt(terminal), 0);
+    std::error_code none;
+    std::filesystem::remove(path("tty"), none);
+    std::filesystem::create_symlink(::ptsname(terminal), path("tty"));
+    termios settings{};
+    ::tcgetattr(terminal, &settings);
+    ::cfmakeraw(&settings);
+    ::tcsetattr(terminal, TCSANOW, &settings);
+    return Wire(terminal);
+  }
+
+  Process& start_at_terminal(const Arguments& more, Wire& wire) {
+    wire = open_terminal();
+    Arguments arguments{"--serial", path("tty"), "--baud", "115200"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    Process& process = start(listen(arguments));
+    // The port is open. What arrives first may be the end of a line.
+    wait_for(process, "no line for");
+    wire.send("\n");
+    return process;
+  }
+
+  static Wire connect_to(int port) {
+    const int client = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<std::uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    EXPECT_EQ(::connect(client, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
+    return Wire(client);
+  }
+
+  int port_of(Process& process) {
+    const std::string before = "listening on 127.0.0.1:";
+    wait_for(process, before);
+    const std::string text = process.err();
+    return std::stoi(text.substr(text.find(before) + before.size()));
+  }
+
+  Process& start_at_port(const Arguments& more, Wire& wire) {
+    Arguments arguments{"--tcp", "0"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    Process& process = start(listen(arguments));
+    wire = connect_to(port_of(process));
+    return process;
+  }
+
+  static void wait_for(Process& process, const std::string& message) {
+    ASSERT_TRUE(
+        eventually([&] { return process.err().find(message) != std::string::npos; }, patience))
+        << message << " in\n"
+        << process.err();
+  }
+
+  /// A signal ends it, with exit code 0 only if it ends by itself within 0.9 s.
+  static void interrupt(Process& process) {
+    process.signal(SIGINT);
+    EXPECT_EQ(process.wait(patience), 0) << process.err();
+  }
+
+  nlohmann::json report() const {
+    return nlohmann::json::parse(read_text(directory_ / "report.json"));
+  }
+
+  std::string scene_ = SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml";
+  std::string url_ = test::udp_url();
+  std::vector<std::unique_ptr<Process>> processes_;
+};
+
+/// Edges of two contacts, 100 us apart, as a device prints them whose counter wraps at 2^32 us.
+struct Stream {
+  std::string bytes;
+  std::vector<ContactEvent> events;
+  std::int64_t bad_lines = 0;
+};
+
+Stream many_edges(int count, bool damaged, std::uint64_t seed) {
+  Random random(seed);
+  Stream stream;
+  std::uint64_t time = (std::uint64_t{1} << 32) - static_cast<std::uint64_t>(count) * 50;
+  std::array<int, 2> levels{0, 0};
+  for (int i = 0; i < count; ++i, time += 100) {
+    const int contact = random.integer(0, 1);
+    int& level = levels[static_cast<std::size_t>(contact)];
+    level = 1 - level;
+    const std::string line = std::to_string(time % (std::uint64_t{1} << 32)) + "," +
+                             std::to_string(contact + 1) + "," + std::to_string(level);
+    if (damaged && random.chance(0.02)) {
+      // A line that lost some bytes, and noise. The whole line follows.
+      stream.bytes +=
+          random.chance(0.5) ? line.substr(0, line.size() - 3) + "\n" : "\x1b[2J\xff\x80,\n";
+      ++stream.bad_lines;
+    }
+    stream.bytes += line + (damaged && random.chance(0.5) ? "\r\n" : "\n");
+    stream.events.push_back(
+        {1e-6 * static_cast<double>(time), contact, level != 0 ? closes : opens});
+  }
+  return stream;
+}
+
+class ListenSourceTest : public ListenProgramTest, public testing::WithParamInterface<const char*> {
+ protected:
+  Process& start_at_source(const Arguments& more, Wire& wire) {
+    const std::string source = GetParam();
+    if (source == "pipe") return start_at_pipe(more, wire);
+    return source == "terminal" ? start_at_terminal(more, wire) : start_at_port(more, wire);
+  }
+};
+
+// 10 000 edges a second, torn at any byte, with CRLF, damaged lines and a counter that wraps.
+TEST_P(ListenSourceTest, TenThousandEdgesASecondAreAllPublished) {
+  constexpr int count = 20000;
+  const Stream stream = many_edges(count, true, 7);
+  Wire wire;
+  char duration[32];
+  std::snprintf(duration, sizeof duration, "%.17g", stream.events.back().t);
+  // On a busy machine lines may wait.
+  Process& process = start_at_source(
+      {"--unit", "us", "--counter-bits", "32", "--latency", "60", "--duration", duration}, wire);
+  Random random(8);
+  const auto began = std::chrono::steady_clock::now();
+  for (std::size_t at = 0; at < stream.bytes.size();) {
+    const auto size =
+        std::min(static_cast<std::size_t>(random.integer(1, 400)), stream.bytes.size() - at);
+    wire.send(std::string_view(stream.bytes).substr(at, size));
+    at += size;
+    const double done = static_cast<double>(at) / static_cast<double>(stream.bytes.size());
+    std::this_thread::sleep_until(began + std::chrono::duration<double>(1e-4 * count * done));
+  }
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  const Recorded recorded = read_log(directory_ / "run.lcmlog");
+  ASSERT_EQ(recorded.sessions.size(), 1U) << process.err();
+  ASSERT_EQ(recorded.sessions[0].size(), stream.events.size()) << process.err();
+  for (std::size_t i = 0; i < stream.events.size(); ++i) {
+    const ContactEvent& event = recorded.sessions[0][i];
+    ASSERT_EQ(event.contact, stream.events[i].contact) << i;
+    ASSERT_EQ(event.kind, stream.events[i].kind) << i;
+    ASSERT_NEAR(event.t, stream.events[i].t, 1e-9) << i;
+  }
+  EXPECT_EQ(report()["edges"], count);
+  EXPECT_EQ(report()["bad_lines"], stream.bad_lines);
+  EXPECT_EQ(report()["wraps"], 1);
+  EXPECT_EQ(report()["unsent"], 0);
+  EXPECT_EQ(process.err().find('\x1b'), std::string::npos) << "control characters of a line";
+}
+
+INSTANTIATE_TEST_SUITE_P(Sources, ListenSourceTest, testing::Values("pipe", "terminal", "port"),
+                         [](const auto& of) { return std::string(of.param); });
+
+TEST_F(ListenProgramTest, ADeviceThatRestartsBeginsANewSession) {
+  Wire wire;
+  Process& process = start_at_pipe({"--speed", "max", "--unit", "ms"}, wire);
+  wire.send("5000,1,1\n5500,1,0\n");
+  wire.send("10,2,1\n30,2,0\n");
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(read_log(directory_ / "run.lcmlog").sessions,
+            (std::vector<std::vector<ContactEvent>>{{{5.0, 0, closes}, {5.5, 0, opens}},
+                                                    {{0.01, 1, closes}, {0.03, 1, opens}}}));
+  EXPECT_EQ(report()["sessions"], 2);
+  EXPECT_NE(process.err().find("was restarted"), std::string::npos);
+}
+
+TEST_F(ListenProgramTest, ASerialPortThatWasGoneIsOpenedAgain) {
+  Wire wire;
+  Process& process = start_at_terminal({"--duration", "7.1", "--latency", "60"}, wire);
+  wire.send("1,1,1\n");
+  wait_for(process, "lines arrive again");
+  wire.hang_up();
+  std::filesystem::remove(path("tty"));
+  wait_for(process, "the device is gone");
+  wire = open_terminal();
+  wait_for(process, "the device is back");
+  wire.send("\n7,1,1\n7.1,1,0\n");
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  const Recorded recorded = read_log(directory_ / "run.lcmlog");
+  EXPECT_EQ(recorded.sessions[0], (std::vector<ContactEvent>{{1.0, 0, closes}}));
+  EXPECT_EQ(recorded.sessions[1], (std::vector<ContactEvent>{{7.0, 0, closes}, {7.1, 0, opens}}));
+  EXPECT_EQ(report()["reconnections"], 1);
+}
+
+// The first bytes after a port is opened may be the end of a line, and a number that lacks digits
+// looks like another one.
+TEST_F(ListenProgramTest, ALineThatWasUnderWayWhenThePortWasOpenedIsSkipped) {
+  Wire wire = open_terminal();
+  Process& process = start(listen({"--serial", path("tty"), "--duration", "5"}));
+  // The device prints all the time, and the port is opened in the midst of a line.
+  ASSERT_TRUE(eventually(
+      [&] {
+        for (int i = 0; i < 1000; ++i) wire.send("12345678");
+        return process.err().find("may have lost its begin") != std::string::npos;
+      },
+      patience))
+      << process.err();
+  wire.send(",1,1\n5,1,1\n");
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(report()["lines"], 1);
+  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
+  EXPECT_EQ(read_log(directory_ / "run.lcmlog").sessions,
+            (std::vector<std::vector<ContactEvent>>{{{5.0, 0, closes}}}));
+}
+
+TEST_F(ListenProgramTest, AnotherClientOfThePortBeginsANewSession) {
+  Wire wire;
+  Process& process = start_at_port({"--duration", "4"}, wire);
+  wire.send("1,1,1\n1.01,1,");
+  wire.hang_up();
+  wait_for(process, "the client is gone");
+  wire = connect_to(port_of(process));
+  wire.send("4,2,1\n");
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(read_log(directory_ / "run.lcmlog").sessions,
+            (std::vector<std::vector<ContactEvent>>{{{1.0, 0, closes}}, {{4.0, 1, closes}}}));
+  EXPECT_NE(process.err().find(":2: the line is not complete; skipped: '1.01,1,'"),
+            std::string::npos)
+      << process.err();
+}
+
+TEST_F(ListenProgramTest, MessagesAreSignedAndRecordedWithTheirTags) {
+  const std::string key = path("key");
+  write_text(key, "000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f\n");
+  Wire wire;
+  Process& process = start_at_pipe({"--key", key, "--speed", "max"}, wire);
+  wire.send("1,1,1\n2,1,0\n");
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(read_log(directory_ / "run.lcmlog", Key(key)).sessions[0].size(), 2U);
+  const Ended ended = run(OBSERVER, {scene_, "--replay", path("run.lcmlog"), "--key", key,
+                                     "--events", path("events.csv"), "--tick", "0.5"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_EQ(read_text(directory_ / "events.csv"), "t,contact,closed\n1,1,1\n2,1,0\n");
+}
+
+TEST_F(ListenProgramTest, EdgesAreStampedOnArrivalAndTheScatterIsProposed) {
+  Wire wire;
+  Process& process = start_at_pipe({"--stamp", "arrival", "--columns", "time,contact,level"}, wire);
+  for (int i = 0; i < 40; ++i) {
+    wire.send(std::to_string(1e-3 * i) + ",1," + std::to_string(i % 2) + "\n");
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  const nlohmann::json figures = report();
+  // Edges that arrive together have the same time.
+  EXPECT_GT(figures["edges"], 0);
+  EXPECT_GT(figures["jitter"].get<double>(), 0.0);
+  EXPECT_EQ(figures["arrival"]["lines"], 40);
+  EXPECT_NE(process.err().find("[events] jitter = "), std::string::npos);
+}
+
+// The observer hears the device's messages over the network, and the recording has the same ones.
+TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit) {
+  scene_ = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
+  const Ended simulated = run(MASTER_SIM, {scene_, "--duration", "12", "--speed", "max", "--no-lcm",
+                                           "--events", path("machine.csv")});
+  ASSERT_EQ(simulated.code, 0) << simulated.err;
+  const Arguments common{"--duration", "10", "--tick", "0.0078125", "--states"};
+  Arguments live{OBSERVER, scene_, "--url", url_};
+  live.insert(live.end(), common.begin(), common.end());
+  live.push_back(path("live.csv"));
+  Process& observer = start(live);
+  wait_for(observer, "waiting for a master");
+  std::string command = SPRAG_SOURCE_DIR "/scripts/simulated_device " + path("machine.csv") +
+                        " --speed 4 --counter-start 4290000000 --crlf |";
+  for (const std::string& word :
+       listen({"--speed", "4", "--counter-bits", "32", "--offset", "4290000000",
+               "--pulse-shorter-than", "0.003", "--latency", "60"}))
+    command += " '" + word + "'";
+  Process& process = start({"sh", "-c", command});
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
+  Arguments replay{OBSERVER, scene_, "--replay", path("run.lcmlog")};
+  replay.insert(replay.end(), common.begin(), common.end());
+  replay.push_back(path("replay.csv"));
+  Process& offline = start(replay);
+  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
+  const std::string states = read_text(directory_ / "live.csv");
+  EXPECT_EQ(std::ranges::count(states, '\n'), 1282);
+  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
+  EXPECT_EQ(report()["wraps"], 1);
+  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
+  EXPECT_GT(report()["contacts"][0]["pulses"], 20);
+}
+
+TEST_F(ListenProgramTest, ASignalEndsItWhereverItWaits) {
+  Wire wire;
+  Process& at_pipe = start_at_pipe({}, wire);
+  wait_for(at_pipe, "no line for");
+  interrupt(at_pipe);
+  Process& at_port = start(listen({"--tcp", "0"}));
+  (void)port_of(at_port);
+  interrupt(at_port);
+}
+
+TEST_F(ListenProgramTest, BadUsageIsRefusedWithExitCode2) {
+  write_text(path("plain"), "1,1,1\n");
+  const auto refused = [&](const Arguments& arguments, const std::string& why) {
+    Arguments all{scene_, "--url", url_};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Ended ended = run(LISTEN, all);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_NE(ended.err.find(why), std::string::npos) << ended.err;
+  };
+  refused({"--serial", path("absent")}, "cannot be opened");
+  refused({"--serial", path("plain")}, "is not a serial port");
+  refused({"--serial", path("plain"), "--baud", "12345"}, "--baud is 12345");
+  refused({"--serial", path("plain"), "--tcp", "0"}, "--tcp");
+  refused({"--baud", "9600"}, "--serial");
+  refused({"--tcp", "192.168.0.1:5"}, "127.0.0.1:PORT");
+  refused({"--tcp", "65536"}, "65535");
+  refused({"--gpio", "/dev/gpiochip0"}, "CHIP:LINE");
+  refused({"--gpio", path("plain") + ":1"}, path("plain"));
+  refused({"--level", "3=D0"}, "contact 3");
+  refused({"--columns", "a,b"}, "--time NAME");
+  refused({"--stamp", "arrival", "--speed", "max"}, "--speed");
+  refused({"--impacts-at", "rising", "--pulse-shorter-than", "1"}, "--pulse-shorter-than");
+  refused({"--record", path("x.csv")}, ".lcmlog");
+  refused({"--record", scene_}, "SCENE and --record are the same file");
+  refused({"--unit", "h"}, "choose s, ms, us, ns");
+  refused({"--counter-bits", "65"}, "from 1 to 64");
+  refused({"--no-such-option"}, "--no-such-option");
+}
+
+TEST_F(ListenProgramTest, ASourceWithoutAUsableLineIsAFailure) {
+  Wire wire;
+  Process& process = start_at_pipe({}, wire);
+  wire.send("garbage\n");
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 1);
+  EXPECT_NE(process.err().find("without an edge that can be used"), std::string::npos)
+      << process.err();
+}
+
+}  // namespace
+}  // namespace sprag

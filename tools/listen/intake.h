@@ -1,0 +1,142 @@
+// From bytes of a source to contact events and their watermark. It reads no clock and no device:
+// times of arrival are arguments, in seconds since the program's start.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/edges/contact_stream.h"
+#include "tools/edges/level_edges.h"
+#include "tools/listen/arrival_scatter.h"
+#include "tools/listen/device_clock.h"
+#include "tools/listen/line_parser.h"
+#include "tools/listen/line_splitter.h"
+
+namespace sprag {
+
+struct IntakeOptions {
+  LineOptions lines;
+  bool inverted = false;        ///< contacts are closed while their level is low
+  Edge impacts = Edge::closed;  ///< edges of levels that are impacts
+  DeviceClockOptions clock;     ///< of lines with a time
+  EdgeRules rules;
+  bool stamp_arrival = false;  ///< edges are at the time of arrival of their lines
+  double stall = 1.0;          ///< without a line for this time the watermark stops [s]
+};
+
+/// A line that cannot be used.
+struct LineProblem {
+  std::int64_t number = 0;  ///< from 1
+  std::string text;         ///< as it arrived, the first bytes
+  std::string why;
+};
+
+/// Receives what the intake makes of the bytes, in this order.
+class IntakeSink {
+ public:
+  virtual ~IntakeSink() = default;
+  /// New events, in order of time, and the watermark: every event up to it has been given.
+  virtual void events(std::span<const ContactEvent> events, double watermark) = 0;
+  /// The device was restarted or connected again. Its time begins anew.
+  virtual void new_session() = 0;
+  virtual void problem(const LineProblem& problem) = 0;
+  /// A message for the user.
+  virtual void notice(const std::string& text) = 0;
+};
+
+struct IntakeCounts {
+  std::int64_t lines = 0;       ///< nonempty
+  std::int64_t bad_lines = 0;   ///< that cannot be used
+  std::int64_t late_edges = 0;  ///< of these, older than the watermark
+  std::int64_t edges = 0;       ///< taken
+  std::int64_t sessions = 0;
+  std::int64_t wraps = 0;  ///< of the counter
+  std::int64_t stalls = 0;
+};
+
+class Intake {
+ public:
+  /// Throws UsageError.
+  Intake(const IntakeOptions& options, IntakeSink& sink);
+
+  /// Bytes of the source that arrived at `arrival`.
+  void take(std::string_view bytes, double arrival);
+
+  /// A line that has been parsed before, as of a device that does not send text.
+  void take_parsed(const ParsedLine& line, std::int64_t number, const std::string& text,
+                   double arrival);
+
+  /// Time passes. The watermark follows this host's clock, `latency` behind, while lines arrive.
+  void pass(double now);
+
+  /// The source is gone; another one, or the same, may follow.
+  void disconnect();
+
+  /// The next line may be the end of a longer one: skips it.
+  void skip_line() { splitter_.skip_line(); }
+
+  /// No byte follows: a contact that is closed stays closed.
+  void finish();
+
+  const IntakeCounts& counts() const { return counts_; }
+  /// Of all sessions.
+  EdgeCounts edge_counts() const;
+  EdgeCounts edge_counts(int contact) const;
+  double watermark() const { return stream_.watermark(); }
+  const ArrivalScatter& scatter() const { return scatter_; }
+
+ private:
+  /// A line whose time does not follow the last one. The lines after it show why.
+  struct Held {
+    std::int64_t number = 0;
+    std::string text;
+    ParsedLine line;
+    DeviceClock::Reading reading;
+    double arrival = 0.0;
+  };
+
+  void take_line(const ParsedLine& line, std::int64_t number, std::string_view text,
+                 double arrival);
+  void take_timed(const ParsedLine& line, std::int64_t number, std::string_view text,
+                  double arrival);
+  void hold(Held held);
+  void release_held(bool restarted);
+  void drop_held();
+  void use(const Held& held);
+  /// Returns whether all levels are repetitions.
+  bool take_levels(const std::vector<ContactLevel>& levels, double t, std::int64_t number,
+                   std::string_view text);
+  void begin_session();
+  void restart_clock(double from, double to);
+  void check_rate(double t, double arrival);
+  void flush();
+  void refuse(std::int64_t number, std::string_view text, std::string why);
+  LevelEdges new_level() const;
+
+  IntakeOptions options_;
+  IntakeSink& sink_;
+  LineSplitter splitter_;
+  LineParser parser_;
+  DeviceClock clock_;
+  ArrivalScatter scatter_;
+  ContactStream stream_;
+  std::vector<LevelEdges> levels_;
+  std::vector<EdgeCounts> earlier_;  // of the sessions before, by contact
+  std::vector<Held> held_;
+  IntakeCounts counts_;
+  std::optional<double> latest_;     // time of the last lines, not yet given to stream_
+  std::optional<double> last_line_;  // its arrival
+  std::optional<std::pair<double, double>> first_;  // time and arrival of a session's first line
+  double began_ = 0.0;                              // arrival at the begin of waiting
+  bool any_session_ = false;
+  bool connected_ = true;      // false: the next line is of another connection
+  bool header_again_ = false;  // a header came after lines
+  bool stalled_ = false;
+  bool said_rate_ = false;  // the rate of the device's clock has been checked
+};
+
+}  // namespace sprag

@@ -1,0 +1,215 @@
+#include "tools/listen/line_parser.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+
+#include "command_line/program.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
+#include "tools/import_events/column_file.h"
+
+namespace sprag {
+
+namespace {
+
+constexpr std::string_view field_blanks = " \t";
+constexpr char any_blanks = ' ';  // as a separator: one or more blanks
+
+std::string lower(std::string_view text) {
+  std::string result(text);
+  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return result;
+}
+
+bool names_time(std::string_view name) { return lower(name).starts_with("time"); }
+
+void split_at_blanks(std::string_view line, std::vector<std::string_view>& fields) {
+  fields.clear();
+  for (std::size_t begin = line.find_first_not_of(field_blanks); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(field_blanks, begin), line.size());
+    fields.push_back(line.substr(begin, end - begin));
+    begin = line.find_first_not_of(field_blanks, end);
+  }
+}
+
+std::string counted_fields(std::size_t count) {
+  return std::to_string(count) + (count == 1 ? " field" : " fields");
+}
+
+}  // namespace
+
+LineParser::LineParser(const LineOptions& options) : options_(options) {
+  if (!options_.names.empty()) {
+    if (const std::string what = assign(options_.names); !what.empty())
+      throw UsageError("--columns: " + what);
+  } else if (options_.levels.empty()) {
+    std::vector<std::string> usual{"contact", "level"};
+    if (options_.needs_time) usual.insert(usual.begin(), "time");
+    assign(usual);
+  } else {
+    // Finds wrong contacts before the header arrives.
+    std::vector<std::string> found{"Time"};
+    for (const ColumnOption& option : options_.levels) {
+      found.push_back(option.text.substr(option.text.find('=') + 1));
+    }
+    if (!options_.time.empty()) found[0] = options_.time;
+    const std::string what = assign(found);
+    names_.clear();
+    if (!what.empty()) throw UsageError("--level: " + what);
+  }
+}
+
+std::string LineParser::time_name() const {
+  return roles_.time && !names_.empty() ? names_[*roles_.time] : "";
+}
+
+// Splits a line into fields_, if possible into `wanted` of them. Returns false if a quote is open.
+bool LineParser::split(std::string_view line, std::size_t wanted) {
+  if (options_.separator) {
+    separator_ = *options_.separator;
+    return split_line(line, separator_, fields_);
+  }
+  for (const char candidate : {'\t', ';', ','}) {
+    if (line.find(candidate) == std::string_view::npos) continue;
+    if (!split_line(line, candidate, fields_)) return false;
+    separator_ = candidate;
+    if (wanted == 0 || fields_.size() == wanted || candidate == ',') return true;
+  }
+  separator_ = any_blanks;
+  split_at_blanks(line, fields_);
+  return true;
+}
+
+// A header names the columns that the options ask for, or at least one of the usual ones.
+bool LineParser::is_header() const {
+  bool known = false;
+  for (const std::string_view field : fields_) {
+    if (parse_clock_time(field, DecimalMark::point_or_comma)) return false;
+    const std::string name = lower(field);
+    known = known || name == "contact" || name == "level" || names_time(name) ||
+            (!field.empty() && field == options_.time) ||
+            std::ranges::any_of(options_.levels, [&](const ColumnOption& option) {
+              return field == option.text.substr(option.text.find('=') + 1);
+            });
+  }
+  return known && fields_.size() > 1;
+}
+
+// Assigns the columns of these names to their roles. Returns why that is not possible.
+std::string LineParser::assign(const std::vector<std::string>& names) {
+  Roles roles;
+  const auto only = [&](const auto& fits, std::optional<std::size_t>& place) {
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (!fits(names[i])) continue;
+      if (place) return false;
+      place = i;
+    }
+    return true;
+  };
+  const bool one_time = only(
+      [&](const std::string& name) {
+        return options_.time.empty() ? names_time(name) : name == options_.time;
+      },
+      roles.time);
+  if (!one_time) return "more than one column has times; say which one: --time NAME";
+  if (!roles.time && (options_.needs_time || !options_.time.empty())) {
+    return options_.time.empty() ? "no column's name begins with 'time'; name it with --time NAME, "
+                                   "or stamp the lines "
+                                   "on arrival: --stamp arrival"
+                                 : "there is no column '" + options_.time + "'";
+  }
+  if (options_.levels.empty()) {
+    const bool unique =
+        only([](const std::string& name) { return lower(name) == "contact"; }, roles.contact) &&
+        only([](const std::string& name) { return lower(name) == "level"; }, roles.level);
+    if (!unique) return "there is more than one column 'contact' or 'level'";
+    if (!roles.contact && options_.contacts > 1) {
+      return "there is no column 'contact', and the scene has " +
+             std::to_string(options_.contacts) +
+             " contacts; name columns of levels with --level CONTACT=NAME";
+    }
+  } else {
+    ColumnFile columns;
+    for (const std::string& name : names) columns.columns.push_back({name, {}});
+    try {
+      for (const ContactColumns& chosen :
+           choose_columns(options_.levels, columns, options_.contacts, "the header")) {
+        if (roles.time == chosen.level) return "the column of times has no levels";
+        roles.levels.emplace_back(*chosen.level, chosen.contact);
+      }
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+  }
+  names_ = names;
+  roles_ = std::move(roles);
+  return {};
+}
+
+std::string LineParser::read_level(std::string_view text, int contact, ParsedLine& result) const {
+  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
+  const auto number = parse_decimal(text, mark);
+  if (!number) return "the level is not a number";
+  const double level = difference_in(*number, {}, {1, 0});
+  if (!options_.threshold && level != 0.0 && level != 1.0) {
+    return "the level is neither 0 nor 1; --threshold X says from where on it is high";
+  }
+  result.levels.push_back({contact, level});
+  return {};
+}
+
+ParsedLine LineParser::parse(std::string_view line) {
+  using Kind = ParsedLine::Kind;
+  ParsedLine result;
+  const auto refuse = [&result](std::string why) {
+    result.kind = Kind::problem;
+    result.problem = std::move(why);
+    return std::move(result);
+  };
+  const std::size_t begin = line.find_first_not_of(field_blanks);
+  if (begin == std::string_view::npos || line[begin] == '#' || line[begin] == ';') return result;
+  if (!split(line, names_.size())) return refuse("a quote is not closed");
+  if (is_header()) {
+    if (!options_.names.empty() && !std::ranges::equal(fields_, options_.names))
+      return refuse("is a header that differs from --columns");
+    const std::string why = assign({fields_.begin(), fields_.end()});
+    if (!why.empty()) return refuse("is a header that cannot be used: " + why);
+    result.kind = Kind::header;
+    return result;
+  }
+  if (names_.empty()) {
+    return refuse("comes before the header with the columns' names; --columns NAME,... names them");
+  }
+  if (fields_.size() != names_.size()) {
+    return refuse("has " + counted_fields(fields_.size()) + "; must have " +
+                  std::to_string(names_.size()));
+  }
+  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
+  if (roles_.time) {
+    result.time = parse_clock_time(fields_[*roles_.time], mark);
+    if (!result.time) return refuse("the time is not a number");
+  }
+  int contact = 0;
+  if (roles_.contact) {
+    const auto number = parse_integer(fields_[*roles_.contact]);
+    if (!number || *number < 1 || *number > options_.contacts) {
+      return refuse("the contact must be a number from 1 to " + std::to_string(options_.contacts));
+    }
+    contact = static_cast<int>(*number) - 1;
+  }
+  std::string why;
+  if (roles_.level) {
+    why = read_level(fields_[*roles_.level], contact, result);
+  } else if (roles_.levels.empty()) {
+    result.levels.push_back({contact, std::nullopt});
+  }
+  for (const auto& [column, of_contact] : roles_.levels) {
+    if (why.empty()) why = read_level(fields_[column], of_contact, result);
+  }
+  if (!why.empty()) return refuse(std::move(why));
+  result.kind = Kind::levels;
+  return result;
+}
+
+}  // namespace sprag

@@ -1,0 +1,79 @@
+// Reads the lines of a source of edges: a time, and the levels of one or more contacts. Knows
+// neither a clock nor what an edge is.
+//
+// A line has one contact, in the columns `time`, `contact` and `level`, or a column of levels for
+// each contact (--level). A header line or --columns names the columns; without both they are
+// time,contact,level. Without a level a line is an impact. Fields are separated by tabs,
+// semicolons, commas or blanks. Lines that begin with # or ; are comments.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "tools/import_events/choice.h"
+#include "tools/import_events/clock_time.h"
+#include "tools/import_events/levels.h"
+
+namespace sprag {
+
+struct LineOptions {
+  int contacts = 1;                  ///< of the scene
+  std::optional<char> separator;     ///< none: found in every line
+  std::vector<std::string> names;    ///< of the columns (--columns); empty: as the header says
+  std::vector<ColumnOption> levels;  ///< columns of levels; empty: a line has one contact
+  std::string time;                  ///< column of times; empty: the one that begins with Time
+  std::optional<double> threshold;   ///< none: levels are 0 and 1
+  bool needs_time = true;            ///< lines without a time cannot be used
+};
+
+/// The level of one contact.
+struct ContactLevel {
+  int contact = 0;              ///< from 0
+  std::optional<double> level;  ///< none: the line is an impact
+};
+
+struct ParsedLine {
+  enum class Kind { nothing, header, levels, problem };
+
+  Kind kind = Kind::nothing;
+  std::optional<ClockTime> time;
+  std::vector<ContactLevel> levels;
+  std::string problem;  ///< why the line cannot be used
+};
+
+class LineParser {
+ public:
+  /// Throws UsageError if --level or --columns do not fit each other or the scene.
+  explicit LineParser(const LineOptions& options);
+
+  /// Reads a line without its end. A header sets the columns, and may be repeated.
+  ParsedLine parse(std::string_view line);
+
+  /// Whether every line has the levels of all its contacts, so that the first line is their state
+  /// at the start and not an edge.
+  bool has_all_levels() const { return !options_.levels.empty(); }
+
+  /// Name of the column of times, which may contain their unit; empty: there is no column yet.
+  std::string time_name() const;
+
+ private:
+  struct Roles {
+    std::optional<std::size_t> time, contact, level;
+    std::vector<std::pair<std::size_t, int>> levels;  // column, contact
+  };
+
+  bool split(std::string_view line, std::size_t wanted);
+  bool is_header() const;
+  std::string assign(const std::vector<std::string>& names);
+  std::string read_level(std::string_view text, int contact, ParsedLine& result) const;
+
+  LineOptions options_;
+  std::vector<std::string> names_;  // empty: not known
+  Roles roles_;
+  char separator_ = ',';  // of the last line
+  std::vector<std::string_view> fields_;
+};
+
+}  // namespace sprag

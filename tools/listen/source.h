@@ -1,0 +1,62 @@
+// Where lines come from: standard input, a serial port, a client on a TCP port, GPIO lines.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "tools/listen/intake.h"
+
+namespace sprag {
+
+class EdgeSource {
+ public:
+  virtual ~EdgeSource() = default;
+
+  /// Its name in messages.
+  virtual const std::string& name() const = 0;
+
+  /// The file descriptor to wait for; -1: nothing to wait for now.
+  virtual int descriptor() const = 0;
+
+  /// Reads what has arrived at `now` [s] into `intake`; called when the descriptor is ready.
+  /// Returns false at the end of the source.
+  virtual bool read(Intake& intake, IntakeSink& sink, double now) = 0;
+
+  /// Called several times a second: a source that is gone is opened again.
+  virtual void revive(IntakeSink& /*sink*/, double /*now*/) {}
+
+  /// Number of times that the source was gone and came again.
+  std::int64_t reconnections() const { return reconnections_; }
+  /// Edges that the source itself knows to be lost.
+  std::int64_t lost_edges() const { return lost_edges_; }
+
+ protected:
+  std::int64_t reconnections_ = 0;
+  std::int64_t lost_edges_ = 0;
+};
+
+/// The standard input, up to its end.
+std::unique_ptr<EdgeSource> standard_input();
+
+/// A serial port, raw, 8 data bits, no parity. It is opened again when it comes back after it was
+/// gone. Throws UsageError if it cannot be opened, or for a rate that it does not support.
+std::unique_ptr<EdgeSource> serial_port(const std::string& device, int baud);
+
+/// Accepts one client at a time on 127.0.0.1:`port`; 0: a free port, which is printed. Throws
+/// UsageError if the port is in use.
+std::unique_ptr<EdgeSource> tcp_port(int port);
+
+/// GPIO lines of a chip, "/dev/gpiochip0:17,27": the k-th line is contact k. Both edges, with the
+/// kernel's time stamps (CLOCK_MONOTONIC). Throws UsageError if the text is malformed, the lines
+/// cannot be had, or this program was built without <linux/gpio.h>.
+std::unique_ptr<EdgeSource> gpio_lines(const std::string& text, int contacts);
+
+/// Seconds of this host's monotonic clock since the first call in this process, which is t = 0 of
+/// edges that are stamped on arrival and of GPIO lines.
+double host_seconds();
+/// The monotonic clock [ns] at that first call.
+std::int64_t host_start();
+
+}  // namespace sprag
