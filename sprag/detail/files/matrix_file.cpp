@@ -10,60 +10,12 @@
 #include <system_error>
 #include <vector>
 
-#include "sprag/detail/files/input_file.h"
-#include "sprag/scene_file.h"
+#include "sprag/detail/files/text_lines.h"
 
 namespace sprag {
 namespace {
 
 constexpr std::string_view mark = "%%MatrixMarket";
-
-// The lines of a complete text, and errors at a position in the current line.
-class Lines {
- public:
-  Lines(std::string file, std::string_view text) : file_(std::move(file)), rest_(text) {}
-
-  bool next() {
-    if (rest_.empty()) return false;
-    ++number_;
-    const std::size_t end = rest_.find_first_of("\r\n");
-    line_ = rest_.substr(0, end);
-    if (end == std::string_view::npos) {
-      rest_ = {};
-    } else {
-      rest_.remove_prefix(end + (rest_.substr(end, 2) == "\r\n" ? 2 : 1));
-    }
-    return true;
-  }
-
-  // The next line that is neither empty nor a comment.
-  bool next_data(std::string_view comments) {
-    while (next()) {
-      const std::size_t first = line_.find_first_not_of(" \t");
-      if (first == std::string_view::npos) continue;
-      if (comments.find(line_[first]) == std::string_view::npos) return true;
-    }
-    return false;
-  }
-
-  std::string_view line() const { return line_; }
-
-  // `at` must be part of the current line.
-  [[noreturn]] void fail(std::string_view at, const std::string& message) const {
-    throw SceneError(file_, number_, static_cast<int>(at.data() - line_.data()) + 1, message);
-  }
-  [[noreturn]] void fail(const std::string& message) const {
-    throw SceneError(file_, number_, 1, message);
-  }
-  [[noreturn]] void fail_whole(const std::string& message) const {
-    throw SceneError(file_, message);
-  }
-
- private:
-  std::string file_;
-  std::string_view rest_, line_;
-  int number_ = 0;
-};
 
 std::string_view without_blanks(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t");
@@ -97,7 +49,7 @@ std::string shown(std::string_view text) {
   return quoted;
 }
 
-double number(std::string_view field, const Lines& lines) {
+double number(std::string_view field, const TextLines& lines) {
   std::string_view digits = field;
   if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') digits.remove_prefix(1);
   double value = 0.0;
@@ -115,7 +67,7 @@ double number(std::string_view field, const Lines& lines) {
 }
 
 Eigen::Index whole_number(std::string_view field, Eigen::Index low, Eigen::Index high,
-                          const Lines& lines) {
+                          const TextLines& lines) {
   Eigen::Index value = 0;
   const char* const end = field.data() + field.size();
   const auto [last, error] = std::from_chars(field.data(), end, value);
@@ -126,7 +78,7 @@ Eigen::Index whole_number(std::string_view field, Eigen::Index low, Eigen::Index
   return value;
 }
 
-Eigen::MatrixXd rows_of(Lines& lines, Eigen::Index largest) {
+Eigen::MatrixXd rows_of(TextLines& lines, Eigen::Index largest) {
   std::optional<char> separator;
   std::vector<std::string_view> fields;
   std::vector<std::vector<double>> rows;
@@ -163,7 +115,7 @@ struct MarketHeader {
   bool symmetric = false;
 };
 
-MarketHeader market_header(const Lines& lines) {
+MarketHeader market_header(const TextLines& lines) {
   std::string words(lines.line());
   std::transform(words.begin(), words.end(), words.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -182,7 +134,7 @@ MarketHeader market_header(const Lines& lines) {
   return {fields[2] == "coordinate", fields[4] == "symmetric"};
 }
 
-Eigen::MatrixXd market_matrix(Lines& lines, Eigen::Index largest) {
+Eigen::MatrixXd market_matrix(TextLines& lines, Eigen::Index largest) {
   lines.next();
   const MarketHeader header = market_header(lines);
   std::vector<std::string_view> fields;
@@ -232,16 +184,8 @@ Eigen::MatrixXd market_matrix(Lines& lines, Eigen::Index largest) {
 }  // namespace
 
 Eigen::MatrixXd read_matrix_file(const std::filesystem::path& file, Eigen::Index largest) {
-  std::error_code error;
-  const auto type = std::filesystem::status(file, error).type();
-  if (type != std::filesystem::file_type::regular &&
-      type != std::filesystem::file_type::not_found) {
-    throw InputError(file.string() + ": is not a regular file; must be one");
-  }
-  const std::string whole = read_whole(file);
-  std::string_view text = whole;
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  Lines lines(file.string(), text);
+  const std::string text = read_regular_text(file);
+  TextLines lines(file.string(), text);
   if (text.starts_with("\x93NUMPY") || text.starts_with("MATLAB ") || text.starts_with("PK\x03")) {
     lines.fail_whole("is no text; must be CSV or Matrix Market (numpy.savetxt, scipy.io.mmwrite)");
   }

@@ -2,15 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <string_view>
-#include <system_error>
 
 #include "sprag/detail/files/csv.h"
-#include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/files/text_lines.h"
 #include "sprag/detail/files/toml_reader.h"
-#include "sprag/scene_file.h"
 
 namespace sprag {
 namespace {
@@ -29,55 +26,30 @@ std::string_view without_blanks_or_quotes(std::string_view field) {
 
 class RecordReader {
  public:
-  RecordReader(std::string file, std::string_view text) : file_(std::move(file)), rest_(text) {}
+  RecordReader(std::string file, std::string_view text) : lines_(std::move(file), text) {}
 
   Record read(const RecordColumns& columns);
 
  private:
-  bool next();
+  bool next() { return lines_.next_data("#%"); }
   void split();
   std::size_t column_of(const std::string& name, const char* key) const;
   void choose_columns(const RecordColumns& columns);
   double number(std::size_t column) const;
   void check_gaps(const Record& record) const;
-  [[noreturn]] void fail(int line, int column, const std::string& message) const {
-    throw SceneError(file_, line, column, message);
-  }
-  int column_in_line(std::string_view field) const {
-    return static_cast<int>(field.data() - line_.data()) + 1;
-  }
 
-  std::string file_;
-  std::string_view rest_, line_;
-  int number_ = 0;
+  TextLines lines_;
   char separator_ = ',';
   bool header_ = false;
   std::vector<std::string_view> fields_;
   std::vector<std::string> names_;
   std::size_t time_ = 0, signal_ = 1, count_ = 0;
-  std::vector<int> lines_;  // of the samples
+  std::vector<int> numbers_;  // of the samples' lines
 };
-
-// The next line with data.
-bool RecordReader::next() {
-  while (!rest_.empty()) {
-    ++number_;
-    const std::size_t end = rest_.find_first_of("\r\n");
-    line_ = rest_.substr(0, end);
-    if (end == std::string_view::npos) {
-      rest_ = {};
-    } else {
-      rest_.remove_prefix(end + (rest_.substr(end, 2) == "\r\n" ? 2 : 1));
-    }
-    const std::size_t first = line_.find_first_not_of(" \t");
-    if (first != std::string_view::npos && line_[first] != '#' && line_[first] != '%') return true;
-  }
-  return false;
-}
 
 void RecordReader::split() {
   fields_.clear();
-  std::string_view line = line_;
+  std::string_view line = lines_.line();
   while (true) {
     const std::size_t end = line.find(separator_);
     fields_.push_back(line.substr(0, end));
@@ -91,9 +63,8 @@ std::size_t RecordReader::column_of(const std::string& name, const char* key) co
   if (found != names_.end()) return static_cast<std::size_t>(found - names_.begin());
   std::string list;
   for (const std::string& one : names_) list += (list.empty() ? "'" : ", '") + one + "'";
-  fail(number_, 1,
-       "has no column '" + name + "' (key " + key + "); must be one of " +
-           (header_ ? list : "the names in a header line, which the file does not have"));
+  lines_.fail("has no column '" + name + "' (key " + key + "); must be one of " +
+              (header_ ? list : "the names in a header line, which the file does not have"));
 }
 
 void RecordReader::choose_columns(const RecordColumns& columns) {
@@ -108,15 +79,15 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
   } else if (count_ == 2) {
     signal_ = 1 - time_;
   } else {
-    fail(number_, 1,
-         "has " + std::to_string(count_) +
-             (count_ == 1 ? " column; must have a time and a signal, separated by ',', ';' or tab"
-                          : " columns; the scene must name the signal's column, as in "
-                            "acceleration = \"" +
-                                names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
+    lines_.fail("has " + std::to_string(count_) +
+                (count_ == 1
+                     ? " column; must have a time and a signal, separated by ',', ';' or tab"
+                     : " columns; the scene must name the signal's column, as in "
+                       "acceleration = \"" +
+                           names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
   }
   if (signal_ == time_) {
-    fail(number_, 1, "the column '" + names_[time_] + "' is the time; the signal must be another");
+    lines_.fail("the column '" + names_[time_] + "' is the time; the signal must be another");
   }
 }
 
@@ -125,10 +96,9 @@ double RecordReader::number(std::size_t column) const {
   const auto value = parse_double(field);
   if (value) return *value;
   const bool empty = field.find_first_not_of(" \t") == std::string_view::npos;
-  fail(number_, column_in_line(field),
-       (empty ? "a field is empty" : "'" + std::string(field.substr(0, 30)) + "'") +
-           (empty ? "; must be a number (a gap in the record cannot be interpolated)"
-                  : " is not a finite number; must be one, as 0.25 or 1e-3"));
+  lines_.fail(field, (empty ? "a field is empty" : "'" + std::string(field.substr(0, 30)) + "'") +
+                         (empty ? "; must be a number (a gap in the record cannot be interpolated)"
+                                : " is not a finite number; must be one, as 0.25 or 1e-3"));
 }
 
 void RecordReader::check_gaps(const Record& record) const {
@@ -146,18 +116,18 @@ void RecordReader::check_gaps(const Record& record) const {
   if (static_cast<double>(regular) < share_of_alike * static_cast<double>(intervals.size())) return;
   for (std::size_t k = 0; k < intervals.size(); ++k) {
     if (intervals[k] <= gap_factor * usual) continue;
-    fail(lines_[k + 1], 1,
-         "there is a gap of " + rounded(intervals[k]) + " s after t = " + to_text(record.t[k]) +
-             ", where samples are " + rounded(usual) +
-             " s apart; the record must have no gaps (cut it there)");
+    lines_.fail_at(numbers_[k + 1], "there is a gap of " + rounded(intervals[k]) +
+                                        " s after t = " + to_text(record.t[k]) +
+                                        ", where samples are " + rounded(usual) +
+                                        " s apart; the record must have no gaps (cut it there)");
   }
 }
 
 Record RecordReader::read(const RecordColumns& columns) {
-  if (!next()) throw SceneError(file_, "has no samples");
-  separator_ = line_.find(';') != std::string_view::npos    ? ';'
-               : line_.find('\t') != std::string_view::npos ? '\t'
-                                                            : ',';
+  if (!next()) lines_.fail_whole("has no samples");
+  separator_ = lines_.line().find(';') != std::string_view::npos    ? ';'
+               : lines_.line().find('\t') != std::string_view::npos ? '\t'
+                                                                    : ',';
   split();
   choose_columns(columns);
   Record record;
@@ -166,24 +136,24 @@ Record RecordReader::read(const RecordColumns& columns) {
   for (; more; more = next()) {
     split();
     if (fields_.size() != count_) {
-      fail(number_, 1,
-           "the row has " + std::to_string(fields_.size()) + " fields; must have " +
-               std::to_string(count_) + ", as the first line");
+      lines_.fail("the row has " + std::to_string(fields_.size()) + " fields; must have " +
+                  std::to_string(count_) + ", as the first line");
     }
     const double t = number(time_);
     const double value = number(signal_);
     if (!record.t.empty() && !(t > record.t.back())) {
-      fail(number_, column_in_line(fields_[time_]),
-           "the time " + to_text(t) + (t == record.t.back() ? " repeats" : " is before") +
-               " that of the row before, " + to_text(record.t.back()) + "; times must increase");
+      lines_.fail(fields_[time_], "the time " + to_text(t) +
+                                      (t == record.t.back() ? " repeats" : " is before") +
+                                      " that of the row before, " + to_text(record.t.back()) +
+                                      "; times must increase");
     }
     record.t.push_back(t);
     record.values.push_back(value);
-    lines_.push_back(number_);
+    numbers_.push_back(lines_.number());
   }
   if (record.t.size() < fewest_samples) {
-    throw SceneError(file_, "has " + std::to_string(record.t.size()) +
-                                " samples; must have at least " + std::to_string(fewest_samples));
+    lines_.fail_whole("has " + std::to_string(record.t.size()) + " samples; must have at least " +
+                      std::to_string(fewest_samples));
   }
   check_gaps(record);
   return record;
@@ -192,15 +162,7 @@ Record RecordReader::read(const RecordColumns& columns) {
 }  // namespace
 
 Record read_record_file(const std::filesystem::path& file, const RecordColumns& columns) {
-  std::error_code error;
-  const auto type = std::filesystem::status(file, error).type();
-  if (type != std::filesystem::file_type::regular &&
-      type != std::filesystem::file_type::not_found) {
-    throw InputError(file.string() + ": is not a regular file; must be one");
-  }
-  const std::string whole = read_whole(file);
-  std::string_view text = whole;
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  const std::string text = read_regular_text(file);
   return RecordReader(file.string(), text).read(columns);
 }
 
