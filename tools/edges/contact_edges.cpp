@@ -30,6 +30,15 @@ double just_before(double t) { return std::nextafter(t, -std::numeric_limits<dou
 
 }  // namespace
 
+EdgeCounts& EdgeCounts::operator+=(const EdgeCounts& other) {
+  pulses += other.pulses;
+  sustained += other.sustained;
+  merged += other.merged;
+  before_start += other.before_start;
+  after_duration += other.after_duration;
+  return *this;
+}
+
 std::string ContactEdges::close(double t) {
   if (any_ && shorter_than(closed_ ? last_on_ : off_, t, rules_.debounce)) {
     ++counts_.merged;

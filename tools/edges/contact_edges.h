@@ -35,6 +35,8 @@ struct EdgeCounts {
   std::int64_t merged = 0;          ///< bounces merged with the contact or impact before
   std::int64_t before_start = 0;    ///< events omitted because they lie before t = 0
   std::int64_t after_duration = 0;  ///< events omitted because they lie after the duration
+
+  EdgeCounts& operator+=(const EdgeCounts& other);
 };
 
 class ContactEdges {

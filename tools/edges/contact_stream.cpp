@@ -74,14 +74,7 @@ std::vector<ContactEvent> ContactStream::take_events() {
 
 EdgeCounts ContactStream::counts() const {
   EdgeCounts sum;
-  for (const ContactEdges& contact : contacts_) {
-    const EdgeCounts& of = contact.counts();
-    sum.pulses += of.pulses;
-    sum.sustained += of.sustained;
-    sum.merged += of.merged;
-    sum.before_start += of.before_start;
-    sum.after_duration += of.after_duration;
-  }
+  for (const ContactEdges& contact : contacts_) sum += contact.counts();
   return sum;
 }
 

@@ -327,25 +327,12 @@ void Intake::finish() {
 
 EdgeCounts Intake::edge_counts(int contact) const {
   EdgeCounts sum = earlier_[static_cast<std::size_t>(contact)];
-  const EdgeCounts of = stream_.counts(contact);
-  sum.pulses += of.pulses;
-  sum.sustained += of.sustained;
-  sum.merged += of.merged;
-  sum.before_start += of.before_start;
-  sum.after_duration += of.after_duration;
-  return sum;
+  return sum += stream_.counts(contact);
 }
 
 EdgeCounts Intake::edge_counts() const {
   EdgeCounts sum;
-  for (int i = 0; i < options_.lines.contacts; ++i) {
-    const EdgeCounts of = edge_counts(i);
-    sum.pulses += of.pulses;
-    sum.sustained += of.sustained;
-    sum.merged += of.merged;
-    sum.before_start += of.before_start;
-    sum.after_duration += of.after_duration;
-  }
+  for (int i = 0; i < options_.lines.contacts; ++i) sum += edge_counts(i);
   return sum;
 }
 
