@@ -13,12 +13,12 @@
 #include "command_line/program.h"
 #include "sprag/detail/analysis/recurrence.h"
 #include "sprag/scene_file.h"
-#include "studies/work_precision/measure.h"
+#include "studies/common/cpu_time.h"
 #include "studies/work_precision/methods/methods.h"
 
 namespace {
 
-using sprag::work_precision::cpu_seconds;
+using sprag::common::cpu_seconds;
 
 constexpr double first_frequency = 16.0, last_frequency = 76.0;  // [rad/s]
 constexpr int frequencies = 400, transient = 300, periods = 200;

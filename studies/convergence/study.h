@@ -8,7 +8,7 @@
 
 #include "sprag/detail/files/output_file.h"
 #include "sprag/scene.h"
-#include "studies/work_precision/measure.h"
+#include "studies/common/cpu_time.h"
 
 namespace sprag::studies {
 
@@ -79,7 +79,7 @@ Scene free_beam(int modes);
 /// Shortest CPU time [s] of run(), repeated for about `seconds`.
 template <typename Run>
 double shortest_cpu_time(const Run& run, double seconds = 0.3) {
-  using work_precision::cpu_seconds;
+  using common::cpu_seconds;
   double shortest = std::numeric_limits<double>::infinity();
   const double begin = cpu_seconds();
   do {

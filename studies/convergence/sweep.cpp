@@ -46,12 +46,12 @@ void measure(int modes, bool impacts, double h, Table& table) {
   const double each = 1e9 / static_cast<double>(ticks * static_cast<std::int64_t>(runs.size()));
   for (int turn = 1; turn <= turns; ++turn) {
     ReplicaSweep together(runs, h);
-    double begin = work_precision::cpu_seconds();
+    double begin = common::cpu_seconds();
     together.run(ticks);
-    const double of_sweep = work_precision::cpu_seconds() - begin;
-    begin = work_precision::cpu_seconds();
+    const double of_sweep = common::cpu_seconds() - begin;
+    begin = common::cpu_seconds();
     for (std::size_t l = 0; l < runs.size(); ++l) run_alone(runs[l], h, *replicas[l], state);
-    const double of_singles = work_precision::cpu_seconds() - begin;
+    const double of_singles = common::cpu_seconds() - begin;
     table.add(
         {double(modes), double(impacts), h, double(turn), each * of_sweep, each * of_singles});
   }
@@ -82,14 +82,14 @@ void side_by_side(Table& table) {
         inputs.push_back({scene, truth.events, truth});
       }
       for (int turn = 1; turn <= turns; ++turn) {
-        double begin = work_precision::cpu_seconds();
+        double begin = common::cpu_seconds();
         if (study::follow_replicas(inputs, 0.0).back()->V.empty()) throw Error("no run");
-        const double together = work_precision::cpu_seconds() - begin;
-        begin = work_precision::cpu_seconds();
+        const double together = common::cpu_seconds() - begin;
+        begin = common::cpu_seconds();
         for (const study::EstimatorInput& run : inputs) {
           follow(EstimatorKind::replica, run.scene, run.events, run.truth, 0.0);
         }
-        const double alone = work_precision::cpu_seconds() - begin;
+        const double alone = common::cpu_seconds() - begin;
         table.add({double(modes), tick, double(turn), 1e6 * together / runs, 1e6 * alone / runs});
       }
     }

@@ -15,13 +15,14 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <fstream>
 #include <sstream>
 #include <string_view>
 #include <system_error>
 #include <type_traits>
+
+#include "studies/common/cpu_time.h"
 
 namespace sprag::work_precision {
 namespace {
@@ -87,7 +88,7 @@ class Child {
 
   /// Runs once and returns the CPU time in seconds; a failure is noted in the message.
   double run() {
-    const double before = cpu_seconds();
+    const double before = common::cpu_seconds();
     try {
       method_.run(task_, setting_, outcome_);
     } catch (const std::exception& e) {
@@ -95,7 +96,7 @@ class Child {
     } catch (...) {
       outcome_.failure = "exception of an unknown type";
     }
-    const double seconds = cpu_seconds() - before;
+    const double seconds = common::cpu_seconds() - before;
     if (!failed()) outcome_.failure.copy(message_.failure.data(), message_.failure.size() - 1);
     count();
     return seconds;
@@ -271,12 +272,6 @@ std::string reason(const Reports& reports, int status, double timeout) {
 }
 
 }  // namespace
-
-double cpu_seconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
 
 Measurement measure(const Method& method, double setting, const Model& model, const State& start,
                     const Reference& reference, const Limits& limits) {

@@ -11,9 +11,6 @@
 
 namespace sprag::work_precision {
 
-/// CPU time of this process [s].
-double cpu_seconds();
-
 struct Limits {
   double timeout = 60.0;  ///< of the child, wall clock [s]
   double timing = 0.3;    ///< CPU time to spend on repeats [s]
