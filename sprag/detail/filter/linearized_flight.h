@@ -64,11 +64,11 @@ class LinearizedFlight {
   Eigen::VectorXd dx;                   ///< result of carry()
 
  private:
+  void spread_kicks(Eigen::Index column, double duration, ContactSet held);
+
   Flight* flight_;
   const FilterModel* model_;
   bool considers_ = false, keeps_past_ = false;
-  void spread_kicks(Eigen::Index column, double duration, ContactSet held);
-
   std::vector<Eigen::Index> flow_unknowns_;
   Eigen::MatrixXd kick_;  // scratch
   Eigen::VectorXd gain_, past_gain_;

@@ -34,9 +34,10 @@ double largest_derivative(const double* d, std::size_t j, double h) {
 
 SampledInputs::SampledInputs(const Model& model) {
   const auto column_of = [&](const SampledInputPointer& input) {
-    const auto found = std::find(channels_.begin(), channels_.end(), input);
-    if (found == channels_.end()) channels_.push_back(input);
-    return std::distance(channels_.begin(), std::find(channels_.begin(), channels_.end(), input));
+    const auto column =
+        std::distance(channels_.begin(), std::find(channels_.begin(), channels_.end(), input));
+    if (column == std::ssize(channels_)) channels_.push_back(input);
+    return column;
   };
   for (const Force& force : model.forces) {
     if (force.input) column_of(force.input);
