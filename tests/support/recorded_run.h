@@ -6,9 +6,11 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sprag/detail/events/message_builder.h"
@@ -119,11 +121,13 @@ void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEven
 }
 
 /// A scene of scenes/, read once.
-inline const Scene& cached_scene(const std::string& name) {
-  static std::map<std::string, Scene> scenes;
+inline const Scene& cached_scene(std::string_view name) {
+  static std::map<std::string, Scene, std::less<>> scenes;
   const auto found = scenes.find(name);
   if (found != scenes.end()) return found->second;
-  return scenes.emplace(name, read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "scenes" / name))
+  return scenes
+      .emplace(std::string(name),
+               read_scene(std::filesystem::path(SPRAG_SOURCE_DIR) / "scenes" / name))
       .first->second;
 }
 
