@@ -52,6 +52,18 @@ Model random_shaken(Random& random, Structure structure, Eigen::Index f, int con
   return model;
 }
 
+TEST(SampledInputs, HaveARowForEveryCoordinateAndContactWithoutARecord) {
+  constexpr std::uint64_t seed = 30;
+  SCOPED_TRACE(seed);
+  Random random(seed);
+  Model model = random_machine(random, Structure::coupled, 3);
+  add_contacts(random, model, 2);
+  const SampledInputs inputs(model);
+  EXPECT_TRUE(inputs.empty());
+  EXPECT_EQ(inputs.forces().rows(), 3);
+  EXPECT_EQ(inputs.motions().rows(), 2);
+}
+
 TEST(PolynomialStep, ComposesInEveryRegime) {
   constexpr std::uint64_t seed = 31;
   SCOPED_TRACE(seed);

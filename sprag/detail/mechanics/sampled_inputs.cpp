@@ -45,13 +45,13 @@ SampledInputs::SampledInputs(const Model& model) {
   for (const Contact& contact : model.contacts) {
     if (contact.input) column_of(contact.input);
   }
-  if (empty()) return;
   if (channels_.size() > most_channels) {
     throw ModelError("at most " + std::to_string(most_channels) +
                      " different sampled inputs are allowed");
   }
   forces_.setZero(model.coordinates(), channels());
   motions_.setZero(static_cast<Eigen::Index>(model.contacts.size()), channels());
+  if (empty()) return;
   for (const Force& force : model.forces) {
     if (force.input) forces_.col(column_of(force.input)) += force.direction;
   }
