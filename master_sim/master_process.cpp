@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <iostream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -174,8 +175,15 @@ class MasterProcess {
     }
   }
 
-  // The watermark is on the contact clock, as the events are.
-  void send() { sender_->send(clock_time(clock_, reached_)); }
+  // The watermark is on the contact clock, as the events are. Readers must not find it before
+  // `reached_` by rounding, because the last tick would not settle.
+  void send() {
+    double horizon = clock_time(clock_, reached_);
+    while (machine_time(clock_, horizon) < reached_) {
+      horizon = std::nextafter(horizon, std::numeric_limits<double>::infinity());
+    }
+    sender_->send(horizon);
+  }
 
   void write_state(Instant t) {
     master_.state(t, sample_.q, sample_.u);
