@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 #include <iostream>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -39,13 +40,15 @@ class MasterProcess {
  public:
   MasterProcess(const Scene& scene, const MasterOptions& options, const CommonOptions& common)
       : options_(options),
+        clock_(scene.clock),
         master_(scene.model, scene.truth.start),
         last_tick_(std::isinf(options.duration) ? std::numeric_limits<std::int64_t>::max()
                                                 : last_tick(options.duration, options.tick)),
         wants_states_(!options.states.empty() || (options.lcm && options.truth)) {
     if (options.lcm) {
       bus_.emplace(common.url, key_of(common));
-      sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()), options.speed);
+      sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()),
+                      scene.clock.rate * options.speed);
       sample_.session = sender_->session();
     }
     if (!options.events.empty()) {
@@ -102,7 +105,7 @@ class MasterProcess {
     while (!stop_requested()) {
       const double t = std::min(due(), options_.duration);
       advance(t);
-      if (sender_ && sender_->due()) sender_->send(reached_);
+      if (sender_ && sender_->due()) send();
       if (t >= options_.duration) break;
       if (Clock::now() >= next_progress) {
         progress(t);
@@ -164,11 +167,22 @@ class MasterProcess {
 
   void take_events() {
     events_ += static_cast<std::int64_t>(found_.size());
+    if (!found_.empty()) reached_ = found_.back().t;
+    for (ContactEvent& event : found_) event.t = clock_time(clock_, event.t);
     if (sender_) sender_->add(found_);
     if (events_file_) {
       for (const ContactEvent& event : found_) events_file_->write(event);
     }
-    if (!found_.empty()) reached_ = found_.back().t;
+  }
+
+  // The watermark is on the contact clock, as the events are. Readers must not find it before
+  // `reached_` by rounding, because the last tick would not settle.
+  void send() {
+    double horizon = clock_time(clock_, reached_);
+    while (machine_time(clock_, horizon) < reached_) {
+      horizon = std::nextafter(horizon, std::numeric_limits<double>::infinity());
+    }
+    sender_->send(horizon);
   }
 
   void write_state(Instant t) {
@@ -191,7 +205,7 @@ class MasterProcess {
     if (!sender_) return;
     for (int i = 0; i < ContactSender::goodbyes; ++i) {
       if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
-      sender_->send(reached_);
+      send();
       if (options_.truth && next_tick_ > 0)
         (void)bus_->publish(truth_channel, encode(sample_, buffer_));
     }
@@ -211,6 +225,7 @@ class MasterProcess {
   }
 
   MasterOptions options_;
+  ContactClock clock_;
   Master master_;
   std::int64_t last_tick_;
   bool wants_states_;
@@ -254,6 +269,11 @@ int run_master(const Scene& scene, const MasterOptions& options, const CommonOpt
   }
   require_inputs_until(scene, options.duration, "--duration");
   require_start_outside(scene);
+  if (scene.clock.offset < 0.0) {
+    throw UsageError(
+        "clock.offset is negative: events before the contact clock's 0 have no time in "
+        "messages and files; must be >= 0 for master_sim");
+  }
   MasterProcess process(scene, options, common);
   try {
     process.run();

@@ -55,7 +55,7 @@ class LiveObserver {
         bus_(common.url, key_of(common)),
         settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound,
                  scene.model.outputs),
-        reception_(bus_, estimation_.contacts, inbox_, notices_),
+        reception_(bus_, estimation_.contacts, scene.clock, inbox_, notices_),
         loop_(estimation_, options.last(),
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
         publication_(bus_, inbox_, outbox_, notices_, settled_, reception_, options.duration,

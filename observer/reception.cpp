@@ -53,8 +53,9 @@ Arrival arrival_of(std::int64_t utime) {
 
 }  // namespace
 
-Reception::Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices)
-    : bus_(bus), contacts_(contacts), inbox_(inbox), notices_(notices) {
+Reception::Reception(Bus& bus, int contacts, const ContactClock& clock, Inbox& inbox,
+                     Notices& notices)
+    : bus_(bus), contacts_(contacts), clock_(clock), inbox_(inbox), notices_(notices) {
   bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
                                           std::int64_t utime) { receive(data, utime); });
 }
@@ -119,6 +120,7 @@ void Reception::receive(std::span<const std::uint8_t> data, std::int64_t utime) 
     ++figures_.other_machine;
     notices_.raise(Notice::other_machine, 1, slot->message.contacts, contacts_);
   } else {
+    to_machine_time(clock_, slot->message);
     queue.push();
     // Messages of other senders do not wake the loop while a session is followed.
     if (followed || !inbox_.follows.load(std::memory_order_relaxed)) inbox_.arrived.signal();

@@ -16,9 +16,9 @@ namespace sprag {
 
 class Reception {
  public:
-  /// Subscribes to the messages of a machine with `contacts` contacts. All arguments must outlive
-  /// this.
-  Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices);
+  /// Subscribes to the messages of a machine with `contacts` contacts, whose times are on `clock`;
+  /// the queues have the machine's time. All arguments but the clock must outlive this.
+  Reception(Bus& bus, int contacts, const ContactClock& clock, Inbox& inbox, Notices& notices);
   Reception(const Reception&) = delete;
   Reception& operator=(const Reception&) = delete;
 
@@ -39,6 +39,7 @@ class Reception {
 
   Bus& bus_;
   int contacts_;
+  ContactClock clock_;
   Inbox& inbox_;
   Notices& notices_;
   ReceptionFigures figures_;

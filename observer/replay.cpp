@@ -35,7 +35,8 @@ constexpr std::int64_t replay_history = 1;
 class Replay {
  public:
   Replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay)
-      : estimation_(scene, options, replay_history),
+      : clock_(scene.clock),
+        estimation_(scene, options, replay_history),
         settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound,
                  scene.model.outputs),
         sample_(estimation_.empty_sample()),
@@ -86,7 +87,7 @@ class Replay {
 
   bool lcm_log(InputFile file, const std::optional<Key>& key, nlohmann::ordered_json& report) {
     const std::string name = file.path().string();
-    RecordedMessages log(std::move(file), estimation_.contacts, key);
+    RecordedMessages log(std::move(file), estimation_.contacts, clock_, key);
     // The age of a recording does not matter.
     SessionTracker sessions(Freshness::any, estimation_.estimator.h());
     ContactMessage contacts;
@@ -161,7 +162,9 @@ class Replay {
       for (; written_ < time_line_.events().counts().events; ++written_) {
         const auto& all = time_line_.events().events();
         const auto left = static_cast<std::size_t>(time_line_.events().counts().events - written_);
-        events_->write(all[all.size() - left]);
+        ContactEvent event = all[all.size() - left];
+        event.t = clock_time(clock_, event.t);
+        events_->write(event);
       }
     }
     // A guarantee must be updated at every tick, so no ticks are skipped.
@@ -227,6 +230,7 @@ class Replay {
     settled_.conclude(sample_);
   }
 
+  ContactClock clock_;
   Estimation estimation_;
   TimeLine<TrackingEstimator>& time_line_ = estimation_.time_line;
   AdaptationResult identified_;
@@ -248,7 +252,6 @@ class Replay {
 // With --duration the user specifies the end.
 void check_end(const EventsFile& recorded, const std::string& name,
                const ObserverOptions& options) {
-  refuse_implausible_end(recorded, name, options.duration);
   if (recorded.events.empty() || !std::isinf(options.duration)) return;
   const double end = recorded.events.back().t;
   if (last_tick(end, options.tick) <= most_ticks) return;
@@ -262,6 +265,9 @@ void check_end(const EventsFile& recorded, const std::string& name,
 EventsFile read_checked(InputFile file, const Scene& scene, const ObserverOptions& options) {
   const std::string name = file.path().string();
   EventsFile recorded = read_events(std::move(file), static_cast<int>(scene.model.contacts.size()));
+  refuse_implausible_end(recorded, name, options.duration);
+  const std::size_t before = to_machine_time(scene.clock, recorded);
+  if (before > 0) std::cerr << name << ": " << before_start_text(before, scene.clock) << '\n';
   check_end(recorded, name, options);
   return recorded;
 }

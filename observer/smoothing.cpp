@@ -35,9 +35,8 @@ std::vector<std::string> smoothed_columns(const Model& model) {
 int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                   const CommonOptions& common, nlohmann::ordered_json& report) {
   const Model& model = scene.model;
-  const RecordedEvents recorded =
-      read_recorded_events(replay.file, static_cast<int>(model.contacts.size()), options.duration,
-                           AfterLoss::dropped, common, report);
+  const RecordedEvents recorded = read_recorded_events(replay.file, scene, options.duration,
+                                                       AfterLoss::dropped, common, report);
   const std::string name = replay.file.string();
   if (!recorded.whole || !recorded.problems.empty() || recorded.begins > 0.0 ||
       recorded.closed != 0) {

@@ -18,11 +18,13 @@ constexpr std::size_t usual_events = 4096;
 // clock may start anywhere. The same limit as of an observer with ticks of 1e-3.
 constexpr double near = 100.0;  // s
 
-RecordedEvents read_csv(InputFile file, int contacts, double end) {
+RecordedEvents read_csv(InputFile file, int contacts, double end, const ContactClock& clock) {
   RecordedEvents recorded;
   const std::string name = file.path().string();
   EventsFile of_file = read_events(std::move(file), contacts);
   refuse_implausible_end(of_file, name, end);
+  const std::size_t before = to_machine_time(clock, of_file);
+  if (before > 0) recorded.problems.push_back(name + ": " + before_start_text(before, clock));
   recorded.events = std::move(of_file.events);
   recorded.gaps = std::move(of_file.gaps);
   const auto at_line = [&](const FileProblem& problem) {
@@ -40,10 +42,10 @@ RecordedEvents read_csv(InputFile file, int contacts, double end) {
 }
 
 RecordedEvents read_log(InputFile file, int contacts, AfterLoss after_loss,
-                        const std::optional<Key>& key) {
+                        const std::optional<Key>& key, const ContactClock& clock) {
   RecordedEvents recorded;
   const std::string name = file.path().string() + ": ";
-  RecordedMessages log(std::move(file), contacts, key);
+  RecordedMessages log(std::move(file), contacts, clock, key);
   SessionTracker sessions;
   EventHistory history(contacts, usual_events);
   std::size_t earlier_gaps = 0;  // gaps of earlier sessions
@@ -118,20 +120,30 @@ void refuse_implausible_end(const EventsFile& events, const std::string& file, d
                    " Correct or remove the row" + advice);
 }
 
+std::string before_start_text(std::size_t events, const ContactClock& clock) {
+  std::ostringstream text;
+  text << events << (events == 1 ? " event" : " events")
+       << " before the machine's t = 0, by clock.offset = " << clock.offset << ", left out";
+  return text.str();
+}
+
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss after_loss, const std::optional<Key>& key) {
+                                    AfterLoss after_loss, const std::optional<Key>& key,
+                                    const ContactClock& clock) {
   InputFile input(file);
   const bool is_log = is_lcm_log(input);
-  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, after_loss, key)
-                                   : read_csv(std::move(input), contacts, end);
+  RecordedEvents recorded = is_log ? read_log(std::move(input), contacts, after_loss, key, clock)
+                                   : read_csv(std::move(input), contacts, end, clock);
   std::erase_if(recorded.events, [&](const ContactEvent& event) { return event.t > end; });
   return recorded;
 }
 
-RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss after_loss, const CommonOptions& common,
+RecordedEvents read_recorded_events(const std::filesystem::path& file, const Scene& scene,
+                                    double end, AfterLoss after_loss, const CommonOptions& common,
                                     nlohmann::ordered_json& report) {
-  RecordedEvents recorded = read_recorded_events(file, contacts, end, after_loss, key_of(common));
+  RecordedEvents recorded =
+      read_recorded_events(file, static_cast<int>(scene.model.contacts.size()), end, after_loss,
+                           key_of(common), scene.clock);
   for (const std::string& problem : recorded.problems) std::cerr << problem << '\n';
   report["problems"] = recorded.problems;
   return recorded;

@@ -13,11 +13,13 @@
 #include "sprag/contact_event.h"
 #include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/events_file.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 
 struct RecordedEvents {
-  std::vector<ContactEvent> events;   ///< ascending; complete since `begins`, except in gaps
+  /// Ascending, in the machine's time; complete since `begins`, except in gaps.
+  std::vector<ContactEvent> events;
   std::vector<EventGap> gaps;         ///< ascending and disjoint
   double begins = 0.0;                ///< 0 if every event since t = 0 is known [s]
   ContactSet closed = 0;              ///< contacts closed at `begins`
@@ -38,14 +40,19 @@ void refuse_implausible_end(const EventsFile& events, const std::string& file, d
 /// Treatment of the events after lost records of a log.
 enum class AfterLoss { used, dropped };
 
-/// Reads the events of a machine with `contacts` contacts, up to time `end` [s]. With a key only
-/// messages signed with it are used. Throws InputError if the file cannot be opened.
+/// Reads the events of a machine with `contacts` contacts, up to the machine's time `end` [s].
+/// Times of the file are on `clock`. With a key only messages signed with it are used. Throws
+/// InputError if the file cannot be opened.
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss after_loss, const std::optional<Key>& key);
+                                    AfterLoss after_loss, const std::optional<Key>& key,
+                                    const ContactClock& clock = {});
 
 /// The same for a program: problems are printed to stderr and added to its report.
-RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,
-                                    AfterLoss after_loss, const CommonOptions& common,
+RecordedEvents read_recorded_events(const std::filesystem::path& file, const Scene& scene,
+                                    double end, AfterLoss after_loss, const CommonOptions& common,
                                     nlohmann::ordered_json& report);
+
+/// Text about events of a file before the machine's t = 0.
+std::string before_start_text(std::size_t events, const ContactClock& clock);
 
 }  // namespace sprag

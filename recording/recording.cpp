@@ -24,8 +24,13 @@ bool is_lcm_log(InputFile& file) {
   return file.ahead(sync.size()).starts_with(sync) || file.path().extension() == ".lcmlog";
 }
 
-RecordedMessages::RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key)
-    : name_(file.path().string()), log_(std::move(file)), contacts_(contacts), key_(&key) {}
+RecordedMessages::RecordedMessages(InputFile file, int contacts, const ContactClock& clock,
+                                   const std::optional<Key>& key)
+    : name_(file.path().string()),
+      log_(std::move(file)),
+      contacts_(contacts),
+      clock_(clock),
+      key_(&key) {}
 
 std::vector<std::string> RecordedMessages::problems() const {
   constexpr std::size_t most = 20;
@@ -62,6 +67,7 @@ bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
       ++refused_;
       continue;
     }
+    to_machine_time(clock_, report);
     const std::int64_t utime = std::clamp<std::int64_t>(record_.utime, 0, latest);
     now_ = std::max(1000 * utime, now_ + least_step);
     arrival = {now_, utime};

@@ -9,6 +9,7 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/key.h"
 #include "recording/arrival.h"
+#include "sprag/contact_clock.h"
 #include "sprag/detail/events/contact_message.h"
 
 namespace sprag {
@@ -20,8 +21,10 @@ bool is_lcm_log(InputFile& file);
 /// The valid messages on SPRAG_CONTACTS of a log, with the log's own clock.
 class RecordedMessages {
  public:
-  /// For a machine with `contacts` contacts. With a key only messages signed with it are used.
-  RecordedMessages(InputFile file, int contacts, const std::optional<Key>& key);
+  /// For a machine with `contacts` contacts. With a key only messages signed with it are used. The
+  /// times of the log are on `clock`; the messages that next() returns have the machine's time.
+  RecordedMessages(InputFile file, int contacts, const ContactClock& clock,
+                   const std::optional<Key>& key);
 
   /// Reads the next message and its arrival; false at the end of the log.
   bool next(ContactMessage& report, Arrival& arrival);
@@ -39,6 +42,7 @@ class RecordedMessages {
   std::string name_;
   ChannelLogReader log_;
   int contacts_;
+  ContactClock clock_;
   const std::optional<Key>* key_;
   ChannelRecord record_;
   std::int64_t now_ = 0;  // ns

@@ -196,6 +196,29 @@ void NotedEventsWriter::write(const ContactEvent& event, EventNote note) noexcep
   }
 }
 
+std::size_t to_machine_time(const ContactClock& clock, EventsFile& file) {
+  if (clock.is_true()) return 0;
+  ContactSet closed = 0;  // at t = 0
+  std::size_t before = 0;
+  for (ContactEvent& event : file.events) {
+    event.t = machine_time(clock, event.t);
+    if (!(event.t < 0.0)) continue;
+    closed = after(closed, event);
+    ++before;
+  }
+  file.events.erase(file.events.begin(), file.events.begin() + static_cast<std::ptrdiff_t>(before));
+  std::vector<ContactEvent> at_start;
+  for (int i = 0; i < max_contacts; ++i) {
+    if (contains(closed, i)) at_start.push_back({0.0, i, ContactEventKind::closes});
+  }
+  file.events.insert(file.events.begin(), at_start.begin(), at_start.end());
+  for (EventGap& gap : file.gaps) {
+    gap = {std::max(machine_time(clock, gap.from), 0.0), machine_time(clock, gap.to)};
+  }
+  std::erase_if(file.gaps, [](const EventGap& gap) { return gap.to <= 0.0; });
+  return before - at_start.size();
+}
+
 EventsFile read_events(const std::filesystem::path& file, int contacts) {
   return read_events(InputFile(file), contacts);
 }

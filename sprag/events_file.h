@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/contact_clock.h"
 #include "sprag/contact_event.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/csv_writer.h"
@@ -98,5 +99,14 @@ EventsFile read_events(const std::filesystem::path& file, int contacts);
 /// \return the events and all problems.
 /// \throws InputError as above.
 EventsFile read_events(InputFile file, int contacts);
+
+/// \brief Converts the times of a file from the contact clock to the machine's time.
+///
+/// Leaves out events before the machine's t = 0. A contact that closes before t = 0 and opens later
+/// closes at t = 0. A true clock changes nothing.
+/// \param clock the contact clock.
+/// \param file content of an events CSV.
+/// \return number of events that were left out.
+std::size_t to_machine_time(const ContactClock& clock, EventsFile& file);
 
 }  // namespace sprag

@@ -79,6 +79,28 @@ int bounces_of(const Stretches& stretches) {
   return bounces;
 }
 
+// Whether the machine moves freely from the start of a stretch to t, before its first impact.
+bool is_free_until(const Stretch& stretch, double t) {
+  const Impact& first = stretch.impacts.front();
+  return stretch.closed == 0 && stretch.held == 0 && first.passed.empty() && t < first.t;
+}
+
+// Derivative of the free part of the motion after tau by that before, 2n x 2n.
+Eigen::MatrixXd transition(const FreeFlight& flight, double tau, Eigen::Index n) {
+  const auto moved = [&](const Eigen::VectorXd& x) {
+    Eigen::VectorXd y = x.head(n), u = x.tail(n), end(2 * n);
+    flight.move(tau, y, u);
+    end << y, u;
+    return end;
+  };
+  const Eigen::VectorXd origin = moved(Eigen::VectorXd::Zero(2 * n));
+  Eigen::MatrixXd matrix(2 * n, 2 * n);
+  for (Eigen::Index j = 0; j < 2 * n; ++j) {
+    matrix.col(j) = moved(Eigen::VectorXd::Unit(2 * n, j)) - origin;
+  }
+  return matrix;
+}
+
 class Identifier {
  public:
   Identifier(const Scene& scene, std::span<const ContactEvent> events,
@@ -428,7 +450,7 @@ void Identifier::mends(Stretches stretches, std::optional<double> jitter, Attemp
     if (repaired) {
       Mended as_it_is;
       as_it_is.stretches = {stretch};
-      const MachineFamily known(family_.with(repaired->solution.values), {});
+      const MachineFamily known(family_.as_timed(repaired->solution.values), {});
       Projection projection(known);
       projection.take(as_it_is.stretches);
       as_it_is.solution =
@@ -505,8 +527,19 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
   const Machine machine = family_.at(solution.values);
   const Eigen::VectorXd inputs = family_.inputs(solution.values);
   const Eigen::Index n = family_.n();
-  const double t = solution.path.front().start;
+  const double scale = family_.clock_scale(solution.values);
+  const double shift = family_.clock_shift(solution.values);
+  double t = solution.path.front().start;
   Eigen::VectorXd y = solution.x0.front().head(n), u = solution.x0.front().tail(n);
+  Eigen::MatrixXd covariance = solution.x0_covariance.front();
+  if (shift != 0.0 && t == 0.0 && is_free_until(solution.path.front(), shift)) {
+    // The machine's t = 0 is at `shift`.
+    const FreeFlight flight(machine, inputs);
+    const Eigen::MatrixXd turn = transition(flight, shift, n);
+    flight.move(shift, y, u);
+    covariance = congruent(turn.transpose(), covariance);
+    t = shift;
+  }
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const std::complex<double> z(inputs[2 * g], inputs[2 * g + 1]);
     const std::complex<double> turn = z * std::polar(1.0, machine.frequencies[g] * t);
@@ -515,13 +548,14 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
              .real();
   }
   const Eigen::MatrixXd& V = family_.V();
-  result.start_t = t;
+  result.start_t = (t - shift) / scale;
+  result.begins = settings_.begins == 0.0 ? 0.0 : (settings_.begins - shift) / scale;
+  u *= scale;
   result.start = {V * y, V * u};
-  const Eigen::MatrixXd& covariance = solution.x0_covariance.front();
   const Eigen::MatrixXd of_q = congruent(V.transpose(), covariance.topLeftCorner(n, n));
   const Eigen::MatrixXd of_u = congruent(V.transpose(), covariance.bottomRightCorner(n, n));
   result.start_sigma = {sigma * of_q.diagonal().cwiseMax(0.0).cwiseSqrt(),
-                        sigma * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
+                        scale * sigma * of_u.diagonal().cwiseMax(0.0).cwiseSqrt()};
 }
 
 // Interval in which the machine would be inside a support.
@@ -823,7 +857,20 @@ void Identifier::conclude(Attempt& best, Identification& result) {
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings, std::stop_token stop) {
   const StopScope scope(std::move(stop));
-  return Identifier(scene, events, settings).run();
+  IdentificationSettings determinable = settings;
+  std::vector<ClockAmbiguity> ambiguities;
+  std::vector<FittedUnknown> held;
+  std::erase_if(determinable.unknowns, [&](const Unknown& unknown) {
+    const auto ambiguity = clock_ambiguity(scene, settings.unknowns, unknown);
+    if (!ambiguity) return false;
+    ambiguities.push_back(*ambiguity);
+    held.push_back({.unknown = unknown, .value = unknown.nominal, .determined = false});
+    return true;
+  });
+  Identification result = Identifier(scene, events, determinable).run();
+  result.ambiguities = std::move(ambiguities);
+  result.unknowns.insert(result.unknowns.end(), held.begin(), held.end());
+  return result;
 }
 
 }  // namespace sprag

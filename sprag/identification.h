@@ -28,6 +28,7 @@
 #include "sprag/detail/identification/maximum_likelihood.h"
 #include "sprag/detail/identification/record.h"
 #include "sprag/detail/mechanics/event_gap.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/error.h"
 #include "sprag/scene.h"
@@ -105,11 +106,13 @@ struct Identification {
   Misfit misfit =
       Misfit::none;  ///< for FitProblem::wrong_model, and for a bound reached by scatter
   int culprit = -1;  ///< index of the unknown of FitProblem::bound_reached; -1: none
-  std::vector<FittedUnknown> unknowns;    ///< in the order of the settings
-  std::vector<Combination> combinations;  ///< for FitProblem::degenerate_orbit
-  Scene fitted;                           ///< scene with the values; its replica starts at `start`
-  double jitter = 0.0;                    ///< as given, or as estimated [s]
-  bool jitter_given = false;              ///< the settings gave the jitter
+  /// \brief In the order of the settings; those of `ambiguities` last.
+  std::vector<FittedUnknown> unknowns;
+  std::vector<ClockAmbiguity> ambiguities;  ///< unknowns of the clock that were held at nominal
+  std::vector<Combination> combinations;    ///< for FitProblem::degenerate_orbit
+  Scene fitted;                    ///< scene with the values; its replica starts at `start`
+  double jitter = 0.0;             ///< as given, or as estimated [s]
+  bool jitter_given = false;       ///< the settings gave the jitter
   double scatter = 0.0;            ///< root of the residuals' squares per degree of freedom [s]
   double chi2 = 0.0;               ///< sum of (tau - t)^2 / jitter^2
   double largest_chi2 = 0.0;       ///< largest chi2 that is accepted
@@ -127,7 +130,8 @@ struct Identification {
   double first_squares = 0.0;  ///< sum of squares of the first four fifths alone [s^2]
   int first_freedom = 0;       ///< degrees of freedom of the first four fifths
   State start, start_sigma;    ///< state at `start_t` and its standard deviations
-  double start_t = 0.0;        ///< [s]
+  double start_t = 0.0;        ///< machine's time by the fitted clock [s]
+  double begins = 0.0;         ///< begin of the recording, machine's time by the fitted clock [s]
   double inside_from = 0.0, inside_to = 0.0;  ///< for FitProblem::lost_or_spurious_events [s]
   std::vector<std::size_t> spurious;          ///< indices of spurious events
   std::vector<MissingImpact> missing;         ///< impacts without an event
@@ -159,14 +163,14 @@ struct TooFewImpacts : Error {
 };
 
 /// \brief Identifies parameters of a machine.
-/// \param scene machine with nominal values.
-/// \param events in order of time; contacts from 0.
-/// \param settings parameters, jitter and gaps.
-/// \param stop token by which another thread or a signal handler cancels the computation.
-/// \return values, deviations and the verdict.
-/// \throws TooFewImpacts if the recording has too few impacts.
-/// \throws ModelError if M is not positive definite.
-/// \throws Interrupted if `stop` was requested.
+///
+/// A parameter of the contact clock that the events cannot determine by the structure of the
+/// machine (clock_ambiguity.h) is held at its nominal value and reported as not determined. \param
+/// scene machine with nominal values. \param events in order of time, the machine's time by the
+/// nominal clock; contacts from 0. \param settings parameters, jitter and gaps. \param stop token
+/// by which another thread or a signal handler cancels the computation. \return values, deviations
+/// and the verdict. \throws TooFewImpacts if the recording has too few impacts. \throws ModelError
+/// if M is not positive definite. \throws Interrupted if `stop` was requested.
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings, std::stop_token stop = {});
 

@@ -222,6 +222,7 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   part.prior.uncertainty = machine.uncertainty;
   part.prior.drift = scene.prior.drift;
   part.prior.jitter = scene.prior.jitter;
+  part.clock = scene.clock;
   part.truth.given = scene.truth.given;
   part.truth.release_penetration =
       scene.truth.release_penetration || starts_inside(part.model, part.truth.start);

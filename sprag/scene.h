@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sprag/beam.h"
+#include "sprag/contact_clock.h"
 #include "sprag/model.h"
 #include "sprag/uncertainty.h"
 
@@ -81,6 +82,7 @@ struct Scene {
   std::optional<Beam> beam;          ///< set if the scene has a [beam]
   std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty without a beam
   std::optional<ShakenFrame> frame;  ///< set if a [system] has an [excitation]
+  ContactClock clock;                ///< clock of the event times, [clock]
   Prior prior;                       ///< knowledge of the observer
   Truth truth;                       ///< start of the master
   std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each

@@ -446,6 +446,13 @@ void read_events(const TomlTable& root, Scene& scene) {
   if (table) scene.prior.jitter = table->number_or("jitter", 0.0, not_negative);
 }
 
+void read_clock(const TomlTable& root, Scene& scene) {
+  const auto table = root.table("clock", {"rate", "offset"});
+  if (!table) return;
+  scene.clock = {.offset = table->number_or("offset", 0.0, any_number),
+                 .rate = table->number_or("rate", 1.0, positive)};
+}
+
 void read_tolerance(const TomlTable& root, Scene& scene) {
   const auto table = root.table(
       "tolerance", {"time", "restitution", "stiffness", "damping", "force", "clearance"});
@@ -537,7 +544,7 @@ namespace {
 Scene scene_of(TomlDocument& document, const std::string& file) {
   const TomlTable root =
       document.root({"name", "beam", "excitation", "system", "force", "impact", "contact", "output",
-                     "master", "replica", "events", "tolerance", "adapt", "parameters"});
+                     "master", "replica", "events", "clock", "tolerance", "adapt", "parameters"});
   Scene scene;
   scene.name = root.string_or("name", std::filesystem::path(file).stem().string());
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
@@ -556,6 +563,7 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
     set_chatter_time(scene.model, scene.truth.given ? scene.truth.start : scene.prior.start);
   }
   read_events(root, scene);
+  read_clock(root, scene);
   read_tolerance(root, scene);
   for (const char* key : {"adapt", "parameters"}) {
     if (!root.has(key) || !has_sampled_inputs(scene.model)) continue;

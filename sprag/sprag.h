@@ -10,6 +10,7 @@
 #include "sprag/beam.h"
 #include "sprag/certified_floor.h"
 #include "sprag/confidence.h"
+#include "sprag/contact_clock.h"
 #include "sprag/contact_event.h"
 #include "sprag/energy.h"
 #include "sprag/error.h"

@@ -115,6 +115,11 @@ py::array events_of_file(const std::filesystem::path& file, const Scene& scene) 
   EventsFile recorded = read_events(file, static_cast<int>(scene.model.contacts.size()));
   for (const FileProblem& problem : recorded.skipped) warn(file, problem);
   if (recorded.damage) warn(file, *recorded.damage);
+  if (const std::size_t before = to_machine_time(scene.clock, recorded); before > 0) {
+    const std::string text = file.string() + ": " + std::to_string(before) +
+                             " events before the machine's t = 0, by clock.offset, left out";
+    if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+  }
   for (ContactEvent& event : recorded.events) ++event.contact;
   using Events = std::vector<ContactEvent>;
   auto owned = std::make_unique<Events>(std::move(recorded.events));
@@ -123,11 +128,11 @@ py::array events_of_file(const std::filesystem::path& file, const Scene& scene) 
 }
 
 void bind_simulation(py::module_& module) {
-  module.def(
-      "read_events", &events_of_file, py::arg("file"), py::arg("scene"),
-      "The contact events of an events CSV, as an array of event_dtype. Rows that contradict "
-      "the rest are left out, nothing after damage is used: a RuntimeWarning reports both. "
-      "Raises InputError.");
+  module.def("read_events", &events_of_file, py::arg("file"), py::arg("scene"),
+             "The contact events of an events CSV, as an array of event_dtype. Their times are the "
+             "machine's, by the scene's [clock]. Rows that contradict "
+             "the rest are left out, nothing after damage is used: a RuntimeWarning reports both. "
+             "Raises InputError.");
 
   py::class_<Simulation>(module, "Simulation",
                          "A machine's run. All arrays are read-only views; row k is tick k.")

@@ -219,6 +219,18 @@ TEST(SceneErrors, TolerancesAreLimited) {
   EXPECT_EQ(tolerance, (Tolerance{.time = 1e-4, .clearance = 2e-3}));
 }
 
+TEST(SceneErrors, ContactClockHasARateAndAnOffset) {
+  const auto with = [](const std::string& line) {
+    return std::string(beam_text) + "\n[clock]\n" + line + "\n";
+  };
+  EXPECT_NE(error_of(with("rate = 0.0")).find("clock.rate is 0; must be > 0"), std::string::npos);
+  EXPECT_NE(error_of(with("rate = -1.0")).find("clock.rate is -1; must be > 0"), std::string::npos);
+  EXPECT_NE(error_of(with("drift = 1.0")).find("unknown key clock.drift"), std::string::npos);
+  EXPECT_EQ(parse(std::string(beam_text)).clock, ContactClock());
+  EXPECT_EQ(parse(with("rate = 1.0002\noffset = -0.5")).clock,
+            (ContactClock{.offset = -0.5, .rate = 1.0002}));
+}
+
 TEST(SceneErrors, UncertaintiesMustBePositiveAndOfCorrectLength) {
   const std::string events = "[events]\njitter = -1e-3\n";
   EXPECT_EQ(error_of(events + std::string(beam_text)),

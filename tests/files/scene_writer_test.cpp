@@ -61,6 +61,8 @@ Bits bits_of(const Scene& scene) {
   add(bits, scene.prior.uncertainty);
   add(bits, scene.prior.drift);
   add(bits, scene.prior.jitter);
+  add(bits, scene.clock.offset);
+  add(bits, scene.clock.rate);
   const Tolerance& tolerance = scene.prior.tolerance;
   for (const double value : {tolerance.time, tolerance.restitution, tolerance.stiffness,
                              tolerance.damping, tolerance.force, tolerance.clearance}) {
@@ -114,6 +116,9 @@ TEST(SceneWriter, RandomMachinesRoundTripBitForBit) {
     scene.prior.start.u[0] = -0.0;
     scene.prior.drift = random.log_uniform(1e-300, 1e300);
     scene.prior.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
+    if (random.chance(0.5)) {
+      scene.clock = {.offset = random.uniform(-1.0, 1.0), .rate = random.log_uniform(1e-3, 1e3)};
+    }
     if (random.chance(0.5)) {
       scene.prior.tolerance = {.time = random.log_uniform(1e-9, 1.0),
                                .restitution = random.uniform(0.0, 1.0),

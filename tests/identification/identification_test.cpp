@@ -418,7 +418,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
   for (const auto& of : cases) {
     const MachineFamily family(scene, unknowns_named(scene, {of.key}));
     const Eigen::VectorXd value = Eigen::VectorXd::Constant(1, of.value);
-    const Scene other = family.with(value);
+    const Scene other = family.as_timed(value);
     const MachineFamily alone(other, {});
     const Machine a = family.at(value), b = alone.at(alone.nominal());
     EXPECT_LT((a.jump - b.jump).norm(), 1e-13) << of.key;

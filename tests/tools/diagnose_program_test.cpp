@@ -57,7 +57,7 @@ TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
   const auto object = nlohmann::json::parse(json.out);
   EXPECT_EQ(object["parameters"][0]["parameter"], "restitution");
   EXPECT_NEAR(object["parameters"][0]["value"], 0.65, 1e-7);
-  EXPECT_EQ(object["parameters"].size(), 8U);
+  EXPECT_EQ(object["parameters"].size(), 9U);
 
   // The same from an LCM log.
   std::string log = path("events.lcmlog");

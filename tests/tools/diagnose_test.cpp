@@ -443,6 +443,71 @@ TEST(Diagnose, ClockOffsetIsReportedAsPhaseWithOneFrequency) {
       << to_text(diagnosis);
 }
 
+/// Machines with their own times: a beam between stops, two carriages, a ball on a moving table.
+TEST(Diagnose, AFastContactClockIsNamed) {
+  const Scene table = parse_scene(R"(
+[system]
+M = [[1.0]]
+C = [[0.05]]
+K = [[0.0]]
+[[force]]
+direction = [1.0]
+constant = -9.81
+[impact]
+restitution = 0.5
+[[contact]]
+direction = [1.0]
+motion = { amplitude = 0.03, frequency = 25.0 }
+[master]
+q = [0.1]
+[replica]
+q = [0.1]
+)",
+                                  "table.toml");
+  const struct {
+    Scene scene;
+    double duration, jitter, rate;
+    bool is_frequency = false;  // the frequency of the excitation explains the events as well
+  } cases[] = {{shipped_scene("paper_beam"), 60.0, 1e-4, 1.0002},
+               {shipped_scene("paper_beam"), 60.0, 1e-4, 0.9998},
+               // Its transients end after a second, and the rest is periodic.
+               {shipped_scene("lab_rig"), 15.0, 1e-5, 1.0002, true},
+               {shipped_scene("two_stops_beam"), 6.0, 1e-6, 1.0002},
+               {table, 12.0, 1e-5, 1.0005}};
+  for (const auto& of : cases) {
+    std::vector<ContactEvent> events = events_of(of.scene, of.duration);
+    for (ContactEvent& event : events) event.t *= of.rate;
+    const Diagnosis diagnosis = diagnose(of.scene, jittered(events, of.jitter, 5), of.jitter);
+    std::cout << "seed 5: " << verdict(diagnosis) << '\n';
+    const Candidate* best = diagnosis.explanation();
+    ASSERT_NE(best, nullptr) << to_text(diagnosis);
+    EXPECT_EQ(best->parameter.name, "clock rate") << to_text(diagnosis);
+    ASSERT_EQ(diagnosis.ties().size(), of.is_frequency ? 1U : 0U) << to_text(diagnosis);
+    if (of.is_frequency) {
+      EXPECT_EQ(diagnosis.ties()[0]->parameter.name, "excitation frequency");
+    }
+    EXPECT_LT(std::abs(best->value - of.rate), 5.0 * best->deviation) << of.scene.name;
+    EXPECT_NE(verdict(diagnosis).find(of.rate > 1.0 ? "ppm fast" : "ppm slow"), std::string::npos);
+    EXPECT_TRUE(diagnosis.rate_ambiguity.empty());
+  }
+}
+
+TEST(Diagnose, RateOfABallsClockIsNotDetermined) {
+  const Scene ball = shipped_scene("bouncing_ball");
+  std::vector<ContactEvent> events = events_of(ball, 7.0);
+  for (ContactEvent& event : events) event.t *= 1.0002;
+  const Diagnosis diagnosis = diagnose(ball, jittered(events, 1e-5, 5), 1e-5);
+  EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
+  EXPECT_NE(to_text(diagnosis).find("clock.rate is not determined: the machine has no stiffness"),
+            std::string::npos)
+      << to_text(diagnosis);
+  for (const Candidate& candidate : diagnosis.candidates) {
+    if (candidate.parameter.quantity == Quantity::clock_rate) {
+      EXPECT_FALSE(candidate.determined);
+    }
+  }
+}
+
 TEST(Diagnose, TooFewEventsGiveNoDiagnosis) {
   const Scene scene = shipped_scene("paper_beam");
   EXPECT_THROW(diagnose(scene, {}, 0.0), TooFewEvents);

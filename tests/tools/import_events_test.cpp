@@ -436,6 +436,13 @@ TEST(ImportTest, EventsOutsideTheRunAreSkippedAndCounted) {
             (Events{{0.0, 0, pulse}, {1.0, 0, pulse}, {in_unit("5.001", "4", "s"), 0, pulse}}));
 }
 
+TEST(ImportTest, ARateIsThatOfTheClockOfTheTimes) {
+  const std::string text = "a\n4\n6\n7\n";
+  EXPECT_EQ(import(text, {.offset = {4, 0}, .rate = 2.0}).events,
+            (Events{{0.0, 0, pulse}, {1.0, 0, pulse}, {1.5, 0, pulse}}));
+  EXPECT_EQ(import(text, {.rate = 1.0}).events, import(text).events);
+}
+
 TEST(ImportTest, ContactsCloseAndOpen) {
   const Import result = import_pairs("on,off\n1,2\n3.5,3.5\n5,\n");
   EXPECT_EQ(result.events,

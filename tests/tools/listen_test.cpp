@@ -430,6 +430,18 @@ TEST(ListenTest, ADeviceWithASlowClockIsNotOvertaken) {
   }
 }
 
+TEST(ListenTest, ARateIsThatOfTheDevicesClock) {
+  IntakeOptions options = plain();
+  options.clock.offset = parse_decimal("4").value();
+  options.clock.rate = 2.0;
+  Kept kept;
+  Intake intake(options, kept);
+  intake.take("4,1,1\n6,1,0\n7,1,1\n", 0.0);
+  intake.finish();
+  const std::vector<ContactEvent> expected{{0.0, 0, closes}, {1.0, 0, opens}, {1.5, 0, closes}};
+  EXPECT_EQ(kept.sessions[0], expected);
+}
+
 TEST(ListenTest, LevelsAreInverted) {
   IntakeOptions options = plain();
   options.inverted = true;

@@ -6,6 +6,7 @@
 
 #include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/projection.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/identification.h"
 
 namespace sprag {
@@ -59,6 +60,8 @@ Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
         return Kind::frequency;
       case Quantity::position:
         return Kind::position;
+      case Quantity::clock_rate:
+        return Kind::clock_rate;
       default:
         return Kind::clock_offset;
     }
@@ -69,6 +72,7 @@ Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
   const int index = of_harmonics && one_group ? 0 : parameter.contact;
   std::vector<Unknown> all = unknowns_of(scene);
   for (Unknown& common : common_unknowns(scene)) all.push_back(std::move(common));
+  for (Unknown& of_clock : clock_unknowns(scene)) all.push_back(std::move(of_clock));
   Unknown unknown = *std::find_if(all.begin(), all.end(), [&](const Unknown& of) {
     return of.kind == kind && of.index == index;
   });
@@ -226,7 +230,12 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     std::optional<Identification> fit;
   };
   std::vector<Found> found;
-  const std::vector<Parameter> parameters = parameters_of(scene, 1.0);
+  std::vector<Parameter> parameters = parameters_of(scene, 1.0);
+  parameters.push_back(clock_rate_of(scene));
+  const Unknown rate = unknown_of(scene, parameters.back());
+  if (const auto ambiguity = clock_ambiguity(scene, {rate}, rate)) {
+    diagnosis.rate_ambiguity = to_text(*ambiguity);
+  }
   for (const Parameter& parameter : parameters) {
     const Unknown unknown = unknown_of(scene, parameter);
     auto fit = is_the_scale(scene, unknown) ? std::nullopt : judge.fit({unknown});

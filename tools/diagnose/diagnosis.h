@@ -61,6 +61,8 @@ struct Diagnosis {
   /// repairs.
   std::vector<MissingImpact> missing;
   std::vector<ContactEvent> spurious;
+  /// Why the rate of the contact clock cannot be determined; empty: it can.
+  std::string rate_ambiguity;
   /// Common frequency of all harmonics, if they have one; a clock offset is then a phase.
   double only_frequency = 0.0;
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/printable.h"
+#include "sprag/detail/identification/verdict.h"
 
 namespace sprag {
 namespace {
@@ -31,6 +32,10 @@ double change(const Candidate& candidate) { return candidate.value - candidate.p
 
 std::string instead(const Candidate& candidate) {
   const Parameter& parameter = candidate.parameter;
+  if (parameter.quantity == Quantity::clock_rate) {
+    return "a contact clock that is " + pace_of_clock(candidate.value) + " (rate " +
+           number(candidate.value, 8) + " instead of " + number(parameter.nominal, 8) + ')';
+  }
   return parameter.name + ' ' + number(candidate.value, 6) + " instead of " +
          with_unit(parameter.nominal, 6, parameter.unit);
 }
@@ -48,7 +53,7 @@ const Candidate* phase_of(const Diagnosis& diagnosis) {
   return nullptr;
 }
 
-std::string clock_text(const Diagnosis& diagnosis) {
+std::string offset_text(const Diagnosis& diagnosis) {
   const Candidate* phase = phase_of(diagnosis);
   if (phase == nullptr) {
     return "The machine does not depend on t: an offset of the clock cannot be determined.\n";
@@ -62,6 +67,12 @@ std::string clock_text(const Diagnosis& diagnosis) {
             number(-change(*phase) / diagnosis.only_frequency, 3) + " s";
   }
   return text + ".\n";
+}
+
+std::string clock_text(const Diagnosis& diagnosis) {
+  std::string text = offset_text(diagnosis);
+  if (!diagnosis.rate_ambiguity.empty()) text += diagnosis.rate_ambiguity + '\n';
+  return text;
 }
 
 void append_row(const std::vector<std::string>& cells, std::string& text) {
@@ -85,8 +96,9 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
       append_row({parameter.name, nominal, "not determined"}, text);
       continue;
     }
+    const int digits = parameter.quantity == Quantity::clock_rate ? 8 : 6;
     append_row({parameter.name, nominal,
-                number(candidate.value, 6) + " +- " + number(candidate.deviation, 2),
+                number(candidate.value, digits) + " +- " + number(candidate.deviation, 2),
                 change_text(candidate), number(candidate.scatter, 3),
                 number(100.0 * candidate.explained, 4) + " %", number(candidate.sensitivity, 3)},
                text);

@@ -15,8 +15,7 @@ int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
   const Scene scene = load_scene(run.scene, common);
   refuse_recorded_inputs(scene, "diagnose");
   const RecordedEvents recorded =
-      read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           AfterLoss::dropped, common, report);
+      read_recorded_events(run.log, scene, run.duration, AfterLoss::dropped, common, report);
   const Diagnosis diagnosis =
       diagnose(scene, recorded.events, run.jitter.value_or(scene.prior.jitter),
                {recorded.begins, recorded.closed});

@@ -146,8 +146,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
     }
     case Kind::frequency:
     case Kind::phase:
-    case Kind::amplitude:
-    case Kind::clock_offset: {
+    case Kind::amplitude: {
       const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
       if (unknown.index >= 0 && groups[static_cast<std::size_t>(unknown.index)].of_frame) break;
       const char* key = unknown.kind == Kind::frequency   ? "frequency"
@@ -285,7 +284,7 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
   }
   if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
-  if (fit.start_t == begins) {
+  if (fit.start_t == fit.begins) {
     out.set("replica.q", fit.start.q);
     out.set("replica.u", fit.start.u);
     if (scene.prior.sigma) {

@@ -31,10 +31,11 @@ std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
 }  // namespace
 
 void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,
-                  const Identification& fit) {
+                  const ContactClock& clock, const Identification& fit) {
   const std::vector<bool> suspects = suspects_of(events.size(), fit);
   NotedEventsWriter writer(file);
-  for (const RepairedEvent& repaired : repaired_events(events, fit)) {
+  for (RepairedEvent& repaired : repaired_events(events, fit)) {
+    repaired.event.t = clock_time(clock, repaired.event.t);
     writer.write(repaired.event, !repaired.number             ? EventNote::lost
                                  : repaired.spurious          ? EventNote::spurious
                                  : suspects[*repaired.number] ? EventNote::suspect

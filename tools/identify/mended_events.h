@@ -10,10 +10,11 @@
 
 namespace sprag {
 
-/// Writes the file. `events` are those that were fitted. Notes: "lost" for an inserted event;
-/// "spurious" for an unused one, which readers skip; "suspect" for one whose residual exceeds four
-/// standard deviations. Throws std::runtime_error if the file cannot be written.
+/// Writes the file. `events` are those that were fitted, in the machine's time; the file has that
+/// of `clock`. Notes: "lost" for an inserted event; "spurious" for an unused one, which readers
+/// skip; "suspect" for one whose residual exceeds four standard deviations. Throws
+/// std::runtime_error if the file cannot be written.
 void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,
-                  const Identification& fit);
+                  const ContactClock& clock, const Identification& fit);
 
 }  // namespace sprag

@@ -6,6 +6,7 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 
 namespace sprag {
 namespace {
@@ -99,6 +100,11 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown
       return other.key == unknown.key;
     });
     if (!is_there && (!carries_scale(unknown) || scales > 1)) causes.push_back(unknown);
+  }
+  const bool one_frequency = harmonic_groups(scene).size() < 2;
+  for (const Unknown& unknown : clock_unknowns(scene)) {
+    const bool is_phase = unknown.kind == Unknown::Kind::clock_offset && one_frequency;
+    if (!is_phase && !clock_ambiguity(scene, {}, unknown)) causes.push_back(unknown);
   }
   return causes;
 }

@@ -27,8 +27,11 @@ std::string rounded(double value, double sigma) {
 
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
-  if (fitted.unknown.nominal == 0.0 || fitted.unknown.kind == Kind::phase) {
-    return number(change, 3);
+  const bool absolute =
+      fitted.unknown.kind == Kind::phase || fitted.unknown.kind == Kind::clock_offset;
+  if (fitted.unknown.nominal == 0.0 || absolute) return number(change, 3);
+  if (fitted.unknown.kind == Kind::clock_rate) {
+    return number(1e6 * change / fitted.unknown.nominal, 4) + " ppm";
   }
   return number(100.0 * change / std::abs(fitted.unknown.nominal), 3) + " %";
 }
@@ -79,8 +82,12 @@ std::string instead(const Explanation& cause) {
   std::string text;
   for (const FittedUnknown& fitted : cause.fit.unknowns) {
     if (!text.empty()) text += " and ";
-    text += fitted.unknown.key + ' ' + rounded(fitted.value, fitted.sigma) + " instead of " +
-            number(fitted.unknown.nominal, 6);
+    std::string value = fitted.unknown.key + ' ' + rounded(fitted.value, fitted.sigma) +
+                        " instead of " + number(fitted.unknown.nominal, 6);
+    if (fitted.unknown.kind == Kind::clock_rate) {
+      value = "a contact clock that is " + pace_of_clock(fitted.value) + " (" + value + ')';
+    }
+    text += value;
   }
   return text;
 }
@@ -96,8 +103,9 @@ void append_causes(const IdentifyResult& result, std::string& text) {
     text += "The scene as it is explains the events, except for the start.\n";
     return;
   }
-  text += instead(simplest.front()) +
-          (simplest.front().keys.size() > 1 ? " alone explain" : " alone explains") +
+  std::string first = instead(simplest.front());
+  if (first.starts_with("a contact clock")) first.front() = 'A';
+  text += first + (simplest.front().keys.size() > 1 ? " alone explain" : " alone explains") +
           " the events.\n";
   constexpr std::size_t most = 4;
   for (std::size_t i = 1; i < std::min(simplest.size(), most); ++i) {
@@ -227,6 +235,8 @@ std::string to_text(const IdentifyResult& result) {
   if (!result.held.empty()) {
     append_row({result.held, "held: the events determine only ratios to it"}, text);
   }
+  if (!fit.ambiguities.empty()) text += '\n';
+  for (const ClockAmbiguity& ambiguity : fit.ambiguities) text += to_text(ambiguity) + '\n';
   if (!fit.fits() && !result.accepted) return text;
   text += "\nStart at t = " + number(fit.start_t, 6) +
           ": q = " + list(fit.start.q, fit.start_sigma.q) + '\n';
@@ -295,6 +305,11 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
       entry["correlation"] = fitted.correlation;
     }
     object["parameters"].push_back(std::move(entry));
+  }
+  object["clock_ambiguities"] = Json::array();
+  for (const ClockAmbiguity& ambiguity : fit.ambiguities) {
+    object["clock_ambiguities"].push_back(
+        {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
   }
   object["start"] = nullptr;
   if (fit.fits() || result.accepted)

@@ -42,10 +42,10 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
   write_file(run.output, fitted.text);
   for (const std::string& key : fitted.not_filtered) {
     std::cerr << key << " is not listed in [parameters] of " << run.output.string()
-              << ": a filter cannot follow single entries of C and K, nor one number for several "
-                 "that differ\n";
+              << ": a filter cannot follow single entries of C and K, one number for several "
+                 "that differ, nor the contact clock\n";
   }
-  if (fit.start_t != begins) {
+  if (fit.start_t != fit.begins) {
     std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
               << " is left as it was\n";
   }
@@ -64,8 +64,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   IdentificationSettings settings;
   settings.unknowns = sought(scene, run.sought);
   const RecordedEvents recorded =
-      read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           AfterLoss::used, common, report);
+      read_recorded_events(run.log, scene, run.duration, AfterLoss::used, common, report);
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;
@@ -99,7 +98,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
   if (!run.events.empty() && result.fit.converged()) {
-    write_mended(run.events, recorded.events, result.fit);
+    write_mended(run.events, recorded.events, scene.clock, result.fit);
   }
   if (good && !run.output.empty()) {
     write_scene(run, text, scene, result.fit, recorded.begins);

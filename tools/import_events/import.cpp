@@ -67,7 +67,7 @@ class Importer {
       last = value;
       result_.of_clock = result_.of_clock || clock;
       const Decimal unit = clock ? Decimal{1, 0} : options_.unit;
-      const double t = time ? difference_in(value, options_.offset, unit) : never;
+      const double t = time ? difference_in(value, options_.offset, unit) / options_.rate : never;
       if (std::isfinite(t)) {
         stamps.push_back({t, cell.line});
       } else {

@@ -19,6 +19,7 @@ namespace sprag {
 struct ImportOptions {
   Decimal unit{1, 0};               ///< seconds per unit of the file, > 0
   Decimal offset{0, 0};             ///< time of the machine's t = 0, in the file's unit and clock
+  double rate = 1.0;                ///< seconds of the file's clock per second of the machine, > 0
   double debounce = 0.0;            ///< [s]; 0: none
   double pulse_shorter_than = 0.0;  ///< [s]; 0: only contacts of zero duration
   double duration = std::numeric_limits<double>::infinity();  ///< later events are left out [s]

@@ -16,7 +16,8 @@ constexpr const char* description =
     "is shorter than --pulse-shorter-than, from its closing to its opening, else it is sustained. "
     "--debounce comes first: closings that follow within this time after the last opening "
     "(impacts: after the last impact) are bounces of the same contact, which closes at its first "
-    "closing and opens at its last opening. Times are t = (value - offset) * unit. Rows that "
+    "closing and opens at its last opening. Times are t = (value - offset) * unit / rate. Rows "
+    "that "
     "cannot be used are named on stderr and left out.";
 
 }  // namespace

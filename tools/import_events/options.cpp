@@ -47,7 +47,7 @@ void add_level_options(CLI::App& app, LevelOptions& levels) {
              "--inverted, rising is where the level falls");
 }
 
-void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset) {
+void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset, double& rate) {
   const auto set_unit = [&unit](const std::string& text) {
     const std::vector<std::string> choices{"s", "ms", "us", "ns", "a number of seconds > 0"};
     unit = parse_unit(text);
@@ -68,6 +68,9 @@ void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offs
          "--offset", set_offset,
          "Time that is the machine's t = 0, in the unit and on the clock of the times [0]")
       ->type_name("T");
+  add_positive(app, "--rate", rate, "R",
+               "Seconds of the clock of the times per second of the machine: 1.0002 for a clock "
+               "that is 200 ppm fast [1]");
 }
 
 void add_format_options(CLI::App& app, std::vector<std::string>& names,
@@ -105,7 +108,7 @@ void add_import_options(CLI::App& app, ImportRun& run) {
   add_columns(app, "--off", ColumnRole::off, run.columns, "Column of times at which it opens");
   add_level_columns(app, run.columns);
   add_level_options(app, run.levels);
-  add_time_options(app, run.unit, run.import.offset);
+  add_time_options(app, run.unit, run.import.offset, run.import.rate);
   add_edge_rules(app, run.import.debounce, run.import.pulse_shorter_than);
   add_positive(app, "--duration", run.import.duration, "T",
                "Leave out events after this time [s]; a log ends there");

@@ -14,8 +14,8 @@ namespace sprag {
 void add_level_columns(CLI::App& app, std::vector<ColumnOption>& columns);
 /// --time, --threshold, --inverted, --impacts-at.
 void add_level_options(CLI::App& app, LevelOptions& levels);
-/// --unit, --offset.
-void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset);
+/// --unit, --offset, --rate.
+void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset, double& rate);
 /// --columns, --separator.
 void add_format_options(CLI::App& app, std::vector<std::string>& names,
                         std::optional<char>& separator);

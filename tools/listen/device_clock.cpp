@@ -24,7 +24,7 @@ std::optional<Decimal::Integer> whole(Decimal value) {
 }  // namespace
 
 double DeviceClock::to_seconds(const Decimal& value, bool clock) const {
-  return difference_in(value, options_.offset, clock ? Decimal{1, 0} : unit());
+  return difference_in(value, options_.offset, clock ? Decimal{1, 0} : unit()) / options_.rate;
 }
 
 std::optional<double> DeviceClock::now(double arrival) const {

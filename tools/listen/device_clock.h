@@ -12,6 +12,7 @@ namespace sprag {
 struct DeviceClockOptions {
   std::optional<Decimal> unit;  ///< seconds; none: as the column's name says, else 1
   Decimal offset{0, 0};         ///< the device's time at the machine's t = 0, in its unit
+  double rate = 1.0;            ///< seconds of the device per second of the machine, > 0
   int counter_bits = 0;         ///< of a counter that wraps; 0: times do not wrap
   double speed = 1.0;           ///< s of the device per s of this host; infinite: unpaced
   double latency = 0.05;        ///< longest time from an edge to the arrival of its line [s]

@@ -31,7 +31,9 @@ int main(int argc, char** argv) {
   sprag::add_listen_options(app, common, run);
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    const auto contacts = sprag::load_scene(scene, common).model.contacts.size();
-    return sprag::run_listen(run, static_cast<int>(contacts), common, report);
+    const sprag::Scene machine = sprag::load_scene(scene, common);
+    // Messages are on the contact clock, which runs at this rate.
+    run.intake.clock.speed *= machine.clock.rate;
+    return sprag::run_listen(run, static_cast<int>(machine.model.contacts.size()), common, report);
   });
 }

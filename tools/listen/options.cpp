@@ -47,7 +47,7 @@ void add_listen_options(CLI::App& app, CommonOptions& common, ListenRun& run) {
   add_level_columns(app, run.intake.lines.levels);
   add_level_options(app, run.levels);
   add_format_options(app, run.intake.lines.names, run.intake.lines.separator);
-  add_time_options(app, run.intake.clock.unit, run.intake.clock.offset);
+  add_time_options(app, run.intake.clock.unit, run.intake.clock.offset, run.intake.clock.rate);
   add_count(app, "--counter-bits", run.intake.clock.counter_bits, "N",
             "Times are a counter of N bits that wraps, as 32 for micros() of an Arduino", 64);
   add_choice(app, "--stamp", run.intake.stamp_arrival, {{"device", false}, {"arrival", true}},

@@ -30,8 +30,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded =
-      read_recorded_events(run.events, static_cast<int>(scene.model.contacts.size()), run.duration,
-                           AfterLoss::dropped, common, report);
+      read_recorded_events(run.events, scene, run.duration, AfterLoss::dropped, common, report);
 
   const Followed followed = second_half(recorded.events, recorded.begins, recorded.closed);
   const ReductionTable table{scene.name, followed, reductions(machine, kept, followed)};

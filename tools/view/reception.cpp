@@ -27,7 +27,10 @@ void Reception::decoded(std::span<const std::uint8_t> data, Message& message, Ta
 void Reception::take(std::string_view channel, std::span<const std::uint8_t> data,
                      const Arrival& arrival) {
   if (channel == contacts_channel) {
-    decoded(data, contacts_, [&](Watch& watch) { watch.take(contacts_, arrival); });
+    decoded(data, contacts_, [&](Watch& watch) {
+      to_machine_time(clock_, contacts_);
+      watch.take(contacts_, arrival);
+    });
   } else if (channel == estimate_channel) {
     decoded(data, estimate_, [&](Watch& watch) { watch.take_estimate(estimate_, arrival); });
   } else if (channel == settled_channel) {

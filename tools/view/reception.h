@@ -17,7 +17,8 @@ std::span<const char* const> watched_channels();
 
 class Reception {
  public:
-  explicit Reception(Stage& stage) : stage_(stage) {}
+  /// Times of contact messages are on `clock`; the watch takes the machine's time.
+  Reception(Stage& stage, const ContactClock& clock) : stage_(stage), clock_(clock) {}
 
   /// Takes a message of a channel; ignores channels outside watched_channels().
   void take(std::string_view channel, std::span<const std::uint8_t> data, const Arrival& arrival);
@@ -31,6 +32,7 @@ class Reception {
   void decoded(std::span<const std::uint8_t> data, Message& message, Take take);
 
   Stage& stage_;
+  ContactClock clock_;
   std::int64_t messages_ = 0;
   std::array<std::int64_t, refusal_kinds> refused_{};
   ContactMessage contacts_;

@@ -119,6 +119,7 @@ class Player {
   Player(const Scene& scene, const ReplayOptions& options, const CommonOptions& common,
          Stage& stage, Reception& reception, nlohmann::ordered_json& report)
       : contacts_(static_cast<int>(scene.model.contacts.size())),
+        clock_(scene.clock),
         options_(options),
         key_(key_of(common)),
         stage_(stage),
@@ -161,7 +162,9 @@ class Player {
       reception_.take(record.channel, data, arrival);
       const bool observed = !estimated && record.channel == contacts_channel &&
                             decode(data, message) == Refusal::none && message.contacts == contacts_;
-      if (observed) observer_.take(message, arrival);
+      if (!observed) continue;
+      to_machine_time(clock_, message);
+      observer_.take(message, arrival);
     }
     if (key_) report_["unauthenticated"] = unauthenticated;
     for (const LogDamage& damage : log.damages()) {
@@ -175,8 +178,10 @@ class Player {
 
   bool events(InputFile file) {
     const std::string name = options_.file.string();
-    const EventsFile recorded = read_events(std::move(file), contacts_);
+    EventsFile recorded = read_events(std::move(file), contacts_);
     refuse_implausible_end(recorded, name, std::numeric_limits<double>::infinity(), "");
+    const std::size_t before = to_machine_time(clock_, recorded);
+    if (before > 0) std::cerr << name << ": " << before_start_text(before, clock_) << '\n';
     report_["observed_here"] = true;
     report_["skipped_rows"] = recorded.skipped.size();
     for (const FileProblem& problem : recorded.skipped) {
@@ -216,6 +221,7 @@ class Player {
   }
 
   int contacts_;
+  ContactClock clock_;
   const ReplayOptions& options_;
   std::optional<Key> key_;
   Stage& stage_;

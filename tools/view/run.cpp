@@ -91,7 +91,7 @@ int run_view(const ViewOptions& options, const CommonOptions& common,
   if (!replays) bus.emplace(common.url, key_of(common));
 
   Stage stage(scene, common.key.empty() || replays ? Freshness::any : Freshness::required);
-  Reception reception(stage);
+  Reception reception(stage, scene.clock);
   if (!replays) stage.now = monotonic_now();
   Serving serving(endpoint, stage, replays ? std::optional(options.replay.speed) : std::nullopt);
   const Endpoint& here = serving.server().endpoint();

@@ -2,9 +2,12 @@
 // watermark. Each message repeats the last records, so that it repairs lost messages before it.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
+#include "sprag/contact_clock.h"
 #include "sprag/contact_event.h"
 
 namespace sprag {
@@ -23,5 +26,17 @@ struct ContactMessage {
   int records = 0;                 ///< number of used entries of `record`, oldest first
   std::array<ContactEvent, max_records> record{};
 };
+
+/// Converts the times of a message from the contact clock to the machine's time. A watermark before
+/// the machine's t = 0 becomes 0. A true clock changes nothing.
+inline void to_machine_time(const ContactClock& clock, ContactMessage& message) {
+  if (clock.is_true()) return;
+  message.speed /= clock.rate;
+  message.horizon = std::max(machine_time(clock, message.horizon), 0.0);
+  for (int i = 0; i < message.records; ++i) {
+    ContactEvent& event = message.record[static_cast<std::size_t>(i)];
+    event.t = machine_time(clock, event.t);
+  }
+}
 
 }  // namespace sprag

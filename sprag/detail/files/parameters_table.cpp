@@ -66,6 +66,10 @@ std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
 
 // Reason why a filter cannot estimate a parameter that the machine has.
 const char* refusal_of(const Unknown& unknown) {
+  if (is_of_clock(unknown)) {
+    return " is of the contact clock, which a filter cannot estimate; must be known, or found by "
+           "identify";
+  }
   return is_common(unknown)
              ? " stands for several numbers that differ, which cannot be an uncertain parameter of "
                "a filter; must be listed one by one"

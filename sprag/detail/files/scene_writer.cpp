@@ -199,6 +199,11 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
   add_replica(text, scene);
   text += "\n[events]\n";
   add(text, "jitter", scene.prior.jitter);
+  if (!scene.clock.is_true()) {
+    text += "\n[clock]\n";
+    add(text, "rate", scene.clock.rate);
+    add(text, "offset", scene.clock.offset);
+  }
   if (scene.prior.tolerance.any()) text += '\n' + to_toml(scene.prior.tolerance);
   add_adaptation(text, scene);
   if (!scene.beam && !scene.prior.parameters.empty())

@@ -63,6 +63,10 @@ const MachineFamily& require_modal(const MachineFamily& family, const std::strin
           " stands for several numbers that differ; an adaptive estimator seeks them one by "
           "one");
     }
+    if (is_of_clock(unknown)) {
+      throw ModelError(where + ": " + unknown.key +
+                       " is of the contact clock, which an adaptive estimator does not seek");
+    }
     if (can_be_filtered(unknown)) continue;
     throw ModelError(
         where + ": " + unknown.key +

@@ -8,6 +8,17 @@
 namespace sprag {
 namespace {
 
+// Whether a change of the clock may appear as a change of the parameter.
+bool follows_clock(const Unknown& unknown, const Unknown& of_clock) {
+  using enum Unknown::Kind;
+  const Unknown::Kind kind = unknown.kind;
+  if (of_clock.kind == clock_offset) return kind == phase;
+  const bool of_flow = kind == stiffness || kind == damping || kind == stiffness_entry ||
+                       kind == damping_entry || kind == frequency;
+  // A fit without the clock may take the shift of the first impacts as a phase, and scale F / r^2.
+  return of_clock.kind == clock_rate && (of_flow || kind == phase || carries_scale(unknown));
+}
+
 // Wald's test: whether the parameters that are not sought are far from nominal, by their
 // covariance.
 bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
@@ -20,7 +31,8 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
     const bool has_scale =
         carries_scale(fitted.unknown) || fitted.unknown.kind == Unknown::Kind::clearance;
     const bool is_sought = std::any_of(sought.begin(), sought.end(), [&](std::size_t j) {
-      return all[j].key == fitted.unknown.key || (carries_scale(all[j]) && has_scale);
+      return all[j].key == fitted.unknown.key || (carries_scale(all[j]) && has_scale) ||
+             (is_of_clock(all[j]) && follows_clock(fitted.unknown, all[j]));
     });
     const auto i = static_cast<Eigen::Index>(k);
     const bool known = fitted.determined && fit.likelihood.covariance(i, i) > 0.0;

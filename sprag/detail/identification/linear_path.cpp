@@ -41,6 +41,7 @@ bool same(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
 bool same(const Machine& a, const Machine& b) {
   return a.modal == b.modal && same(a.C, b.C) && same(a.K, b.K) && same(a.W, b.W) &&
          same(a.jump, b.jump) && same(a.frequencies, b.frequencies) &&
+         same(a.constant_forces, b.constant_forces) &&
          a.gap_response.size() == b.gap_response.size() && a.gap_response == b.gap_response;
 }
 
@@ -83,7 +84,7 @@ void add_real_part(Complex z, double* inputs) {
 void Flights::set(const Machine& machine, const Stretches& stretches) {
   std::vector<std::vector<double>> intervals = intervals_of(stretches);
   const bool as_before = machine.modal == modal_ && same(machine.C, C_) && same(machine.K, K_) &&
-                         intervals == intervals_;
+                         same(machine.constant_forces, constant_forces_) && intervals == intervals_;
   if (!as_before) {
     intervals_ = std::move(intervals);
     set_free(machine);

@@ -115,6 +115,22 @@ Eigen::VectorXd MachineFamily::nominal() const {
   return values;
 }
 
+double MachineFamily::clock_scale(const Eigen::VectorXd& values) const {
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::clock_rate) continue;
+    return values[static_cast<Eigen::Index>(k)] / unknowns_[k].nominal;
+  }
+  return 1.0;
+}
+
+double MachineFamily::clock_shift(const Eigen::VectorXd& values) const {
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::clock_offset) continue;
+    return (values[static_cast<Eigen::Index>(k)] - unknowns_[k].nominal) / scene_.clock.rate;
+  }
+  return 0.0;
+}
+
 void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) const {
   machine.modal = modal_;
   machine.C = C_;
@@ -146,8 +162,7 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
         break;
     }
   }
-  if (!entries) return;
-  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+  for (std::size_t k = 0; entries && k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
     if (unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry) continue;
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(n(), n());
@@ -155,6 +170,10 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
         values[static_cast<Eigen::Index>(k)] - unknown.nominal;
     (unknown.kind == Kind::damping_entry ? machine.C : machine.K) += congruent(V_, change);
   }
+  const double scale = clock_scale(values);
+  if (scale == 1.0) return;
+  machine.C /= scale;
+  machine.K /= square(scale);
 }
 
 Machine MachineFamily::at(const Eigen::VectorXd& values) const {
@@ -210,13 +229,15 @@ void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
     }
     machine.jump.col(i) = machine.W.col(i) * ((1.0 + restitution) / machine.W.col(i).squaredNorm());
   }
+  const double scale = clock_scale(values);
+  machine.constant_forces = constant_forces_ / square(scale);
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const double ratio = machine.frequencies[g] / groups_[static_cast<std::size_t>(g)].frequency;
     // The amplitude of a frame's motion is fixed, so its acceleration grows with the frequency
     // squared.
     const bool of_frame = groups_[static_cast<std::size_t>(g)].of_frame;
     machine.response.col(g) =
-        forces_[static_cast<std::size_t>(g)] * (of_frame ? ratio * ratio : 1.0);
+        forces_[static_cast<std::size_t>(g)] * (of_frame ? ratio * ratio : 1.0 / square(scale));
     set_steady_response(machine, machine.frequencies[g], machine.response.col(g));
     for (Eigen::Index i = 0; i < contacts(); ++i) {
       machine.gap_response(i, g) = motions_(i, g);
@@ -240,6 +261,7 @@ void MachineFamily::frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& 
       frequencies[unknowns_[k].index] = value;
     }
   }
+  frequencies /= clock_scale(values);
 }
 
 Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
@@ -283,9 +305,10 @@ void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& input
       frequencies(values, rates);
       rates = -rates;
     }
+    const double by = unknown.kind == Kind::clock_offset ? clock_shift(values) : value;
     for (Eigen::Index g = 0; g < G; ++g) {
       if (turns) {
-        inputs[2 * g + 1] += rates[g] * value;
+        inputs[2 * g + 1] += rates[g] * by;
       } else {
         inputs[2 * g] *= value;
       }
@@ -409,8 +432,12 @@ void MachineFamily::set(const Unknown& unknown, double value, Scene& scene) cons
     case Kind::amplitude:
       set_harmonics(unknown, value, scene);
       break;
+    case Kind::clock_rate:
+      scene.clock.rate = value;
+      break;
     case Kind::clock_offset:
-      break;  // with() shifts the phases once all frequencies are set
+      scene.clock.offset = value;
+      break;
     case Kind::constant:
       model.forces[i].constant = value;
       break;
@@ -425,17 +452,32 @@ Scene MachineFamily::with(const Eigen::VectorXd& values) const {
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     set(unknowns_[k], values[static_cast<Eigen::Index>(k)], scene);
   }
-  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-    if (unknowns_[k].kind != Kind::clock_offset) continue;
-    const double offset = values[static_cast<Eigen::Index>(k)];
-    change_harmonics(scene, -1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
-      harmonic.phase -= harmonic.frequency * offset;
-    });
-  }
   if (scene.beam) {
     scene.model.K = stiffness(*scene.beam).asDiagonal();
     scene.model.C = damping(*scene.beam).asDiagonal();
   }
+  return scene;
+}
+
+Scene MachineFamily::as_timed(const Eigen::VectorXd& values) const {
+  Scene scene = with(values);
+  const double scale = clock_scale(values), shift = clock_shift(values);
+  scene.clock = scene_.clock;
+  if (scale == 1.0 && shift == 0.0) return scene;
+  Model& model = scene.model;
+  model.C /= scale;
+  model.K /= square(scale);
+  for (Force& force : model.forces) {
+    force.constant /= square(scale);
+    force.harmonic.amplitude /= square(scale);
+  }
+  change_harmonics(scene, -1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
+    harmonic.frequency /= scale;
+    harmonic.phase -= harmonic.frequency * shift;
+  });
+  if (!scene.beam) return scene;
+  scene.beam->bending_stiffness /= square(scale);
+  scene.beam->damping /= scale;
   return scene;
 }
 

@@ -6,6 +6,10 @@
 // The motion is linear in a few *inputs*: a and b of each group of harmonics, where the harmonic is
 // a cos(Omega t) - b sin(Omega t) = Re (a + i b) e^(i Omega t); a factor on each constant force;
 // and each clearance.
+//
+// t is the time of the events by the nominal contact clock. With another rate and offset of the
+// clock the machine's time is (t - shift) / scale (clock_scale(), clock_shift()). In t the machine
+// has C / scale, K / scale^2, F / scale^2 and Omega / scale.
 #pragma once
 
 #include <Eigen/Core>
@@ -58,7 +62,11 @@ class MachineFamily {
   /// machine is modal.
   void at(const Eigen::VectorXd& values, Machine& machine) const;
   void inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const;
-  /// The frequencies of the groups of harmonics.
+  /// Rate of the contact clock over its nominal rate.
+  double clock_scale(const Eigen::VectorXd& values) const;
+  /// t at which the machine's time is 0 [s].
+  double clock_shift(const Eigen::VectorXd& values) const;
+  /// The frequencies of the groups of harmonics in t.
   void frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) const;
   /// Whether all machines of the family are modal.
   bool modal() const { return modal_; }
@@ -78,8 +86,10 @@ class MachineFamily {
   /// y for q.
   Eigen::VectorXd to_modes(const Eigen::VectorXd& q) const { return V_inverse_ * q; }
 
-  /// The scene with these values, in its beam, model and positions.
+  /// The scene with these values, in its beam, model, positions and clock.
   Scene with(const Eigen::VectorXd& values) const;
+  /// The same machine with t as its time and with the nominal clock.
+  Scene as_timed(const Eigen::VectorXd& values) const;
 
  private:
   void set_flow(const Eigen::VectorXd& values, Machine& machine) const;

@@ -137,11 +137,7 @@ Eigen::MatrixXd Projection::Core::turned(Eigen::MatrixXd inputs, const Eigen::Ve
   const auto offset = [&](const Eigen::VectorXd& values, Eigen::VectorXd& frequencies) {
     frequencies.resize(static_cast<Eigen::Index>(family.groups().size()));
     family.frequencies(values, frequencies);
-    for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
-      if (family.unknowns()[k].kind == Kind::clock_offset) {
-        frequencies *= values[static_cast<Eigen::Index>(k)];
-      }
-    }
+    frequencies *= family.clock_shift(values);
   };
   Eigen::VectorXd before, end;
   offset(from, before);

@@ -57,6 +57,15 @@ double fastest_of(const MachineFamily& family, const Unknown& unknown) {
   return fastest;
 }
 
+// A rate changes all harmonics and the stiffness, by its square.
+double step_of_clock_rate(const MachineFamily& family, double duration, double interval) {
+  double step = 0.5 * step_of_stiffness(family, interval);
+  for (const HarmonicGroup& group : family.groups()) {
+    step = std::min(step, step_of_phase / (group.frequency * duration));
+  }
+  return step;
+}
+
 std::vector<Axis> axes_of(const MachineFamily& family, double duration, double interval,
                           double refinement) {
   std::vector<Axis> axes;
@@ -70,6 +79,8 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
       axis.step = step_of_position(family);
     } else if (unknown.kind == Kind::frequency) {
       axis.step = step_of_phase / (fastest_of(family, unknown) * duration);
+    } else if (unknown.kind == Kind::clock_rate) {
+      axis.step = step_of_clock_rate(family, duration, interval);
     } else if (unknown.kind == Kind::clock_offset) {
       axis.step = step_of_phase / (fastest_of(family, unknown) * unknown.unit_step);
     } else {

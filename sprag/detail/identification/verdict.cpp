@@ -1,6 +1,7 @@
 #include "sprag/detail/identification/verdict.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 
 namespace sprag {
@@ -50,6 +51,15 @@ std::string short_number(double value, int digits) {
   char buffer[32];
   std::snprintf(buffer, sizeof buffer, "%.*g", digits, value == 0.0 ? 0.0 : value);
   return buffer;
+}
+
+std::string pace_of_clock(double rate) {
+  constexpr double many_ppm = 1e-2;
+  const double error = std::abs(rate - 1.0);
+  if (error == 0.0) return "true";
+  const std::string size = error < many_ppm ? short_number(1e6 * error, 4) + " ppm"
+                                            : short_number(100.0 * error, 4) + " %";
+  return size + (rate > 1.0 ? " fast" : " slow");
 }
 
 const char* name_of(FitProblem problem) {

@@ -17,6 +17,9 @@ std::string verdict_of(const Identification& fit);
 /// For a refused fit: the reason and the remedy. Else empty.
 std::string reason_of(const Identification& fit);
 
+/// The pace of a contact clock with this rate: "200 ppm fast", "3.5 % slow", "true".
+std::string pace_of_clock(double rate);
+
 /// A number of `digits` significant digits; -0 is 0.
 std::string short_number(double value, int digits);
 

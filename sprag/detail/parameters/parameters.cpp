@@ -132,8 +132,10 @@ void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   double slowest = harmonics.front().frequency;
   for (const Harmonic& harmonic : harmonics) slowest = std::min(slowest, harmonic.frequency);
   Parameter offset{.quantity = Quantity::clock_offset, .name = "clock offset", .unit = "s"};
-  offset.highest = std::numbers::pi / slowest;
-  offset.lowest = -offset.highest;
+  const double half_a_period = scene.clock.rate * std::numbers::pi / slowest;
+  offset.nominal = scene.clock.offset;
+  offset.lowest = offset.nominal - half_a_period;
+  offset.highest = offset.nominal + half_a_period;
   offset.relative = false;
   parameters.push_back(offset);
 }
@@ -187,6 +189,29 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
   add_excitation(scene, parameters);
   return parameters;
 }
+
+Parameter clock_rate_of(const Scene& scene) {
+  constexpr double largest_error = 0.01;
+  Parameter rate = around(Quantity::clock_rate, "clock rate", "", scene.clock.rate);
+  rate.lowest = (1.0 - largest_error) * rate.nominal;
+  rate.highest = (1.0 + largest_error) * rate.nominal;
+  return rate;
+}
+
+namespace {
+
+// The machine in a time that runs `scale` times as fast.
+void rescale_time(double scale, Model& model) {
+  model.C /= scale;
+  model.K /= scale * scale;
+  for (Force& force : model.forces) {
+    force.constant /= scale * scale;
+    force.harmonic.amplitude /= scale * scale;
+  }
+  for_each_harmonic(model, [&](Harmonic& of) { of.frequency /= scale; });
+}
+
+}  // namespace
 
 Model with(const Scene& scene, const Parameter& parameter, double value) {
   Model model = scene.model;
@@ -243,8 +268,13 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
       w = moved_direction(*scene.beam, w, scene.positions[contact], value);
       break;
     }
-    case Quantity::clock_offset:
-      for_each_harmonic(model, [&](Harmonic& of) { of.phase -= of.frequency * value; });
+    case Quantity::clock_offset: {
+      const double shift = (value - parameter.nominal) / scene.clock.rate;
+      for_each_harmonic(model, [&](Harmonic& of) { of.phase -= of.frequency * shift; });
+      break;
+    }
+    case Quantity::clock_rate:
+      rescale_time(value / parameter.nominal, model);
       break;
   }
   return model;

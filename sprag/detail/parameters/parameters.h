@@ -21,7 +21,8 @@ enum class Quantity {
   phase,         ///< of the excitation or the only harmonic, else a shift of all [rad]
   frequency,     ///< of the excitation, if all harmonics have one [rad/s], else a factor on all
   position,      ///< x_c of a beam's contact [m]
-  clock_offset,  ///< recorded minus true event times [s]
+  clock_offset,  ///< reading of the contact clock at the machine's t = 0 [s]
+  clock_rate,    ///< of the contact clock [-]
 };
 
 struct Parameter {
@@ -42,7 +43,11 @@ struct Parameter {
 /// largest displacement, which sets the range of clearances.
 std::vector<Parameter> parameters_of(const Scene& scene, double length);
 
-/// The scene's machine with this value of the parameter.
+/// The rate of the contact clock.
+Parameter clock_rate_of(const Scene& scene);
+
+/// The scene's machine with this value of the parameter. With another offset or rate of the contact
+/// clock: the same machine in the time of the events by the scene's clock.
 Model with(const Scene& scene, const Parameter& parameter, double value);
 
 /// Common frequency [rad per unit of time] of all harmonics with an amplitude; 0: they differ.

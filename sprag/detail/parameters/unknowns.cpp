@@ -265,29 +265,43 @@ std::vector<Unknown> common_unknowns(const Scene& scene) {
     unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
     unknowns.back().upper_limit = 1.0 / largest;
   }
-  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  if (groups.size() < 2) return unknowns;
+  if (harmonic_groups(scene).size() < 2) return unknowns;
   const std::string table = "excitations.";
   unknowns.push_back(positive_unknown(Kind::frequency, -1, table + "frequency", "", 1.0));
   unknowns.push_back({.kind = Kind::phase, .key = table + "phase", .unit = "rad"});
   unknowns.push_back(positive_unknown(Kind::amplitude, -1, table + "amplitude", "", 1.0));
+  return unknowns;
+}
+
+std::vector<Unknown> clock_unknowns(const Scene& scene) {
+  constexpr double largest_error = 0.01;  // of a rate; a ceramic resonator is off by 0.005
+  std::vector<Unknown> unknowns{
+      positive_unknown(Kind::clock_rate, -1, "clock.rate", "", scene.clock.rate)};
+  unknowns.back().within = largest_error;
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  if (groups.empty()) return unknowns;
   double slowest = groups.front().frequency;
   for (const HarmonicGroup& group : groups) slowest = std::min(slowest, group.frequency);
   unknowns.push_back({.kind = Kind::clock_offset, .key = "clock.offset", .unit = "s"});
-  unknowns.back().unit_step = 1.0 / slowest;
+  unknowns.back().nominal = scene.clock.offset;
+  unknowns.back().unit_step = scene.clock.rate / slowest;
   return unknowns;
+}
+
+bool is_of_clock(const Unknown& unknown) {
+  return unknown.kind == Kind::clock_rate || unknown.kind == Kind::clock_offset;
 }
 
 bool is_common(const Unknown& unknown) {
   using enum Unknown::Kind;
-  const bool of_harmonics = unknown.kind == frequency || unknown.kind == clock_offset ||
-                            unknown.kind == phase || unknown.kind == amplitude;
+  const bool of_harmonics =
+      unknown.kind == frequency || unknown.kind == phase || unknown.kind == amplitude;
   return of_harmonics && unknown.index < 0;
 }
 
 bool can_be_filtered(const Unknown& unknown) {
   return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
-         !is_common(unknown);
+         !is_common(unknown) && !is_of_clock(unknown);
 }
 
 bool carries_scale(const Unknown& unknown) {
@@ -353,6 +367,7 @@ bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
 Unknown unknown_of(const Scene& scene, std::string_view key) {
   std::vector<Unknown> unknowns = unknowns_of(scene);
   for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
+  for (Unknown& of_clock : clock_unknowns(scene)) unknowns.push_back(std::move(of_clock));
   for (const Unknown& unknown : unknowns) {
     if (unknown.key == key) return unknown;
   }

@@ -4,7 +4,9 @@
 // A key for several numbers (K and C of a general system, harmonics of one frequency) is a common
 // factor, nominally 1; a phase is a common shift, nominally 0. impact.restitution is a factor if
 // the contacts' restitutions differ. excitations.amplitude, .phase and .frequency apply to all
-// harmonics of several frequencies. Several frequencies also make clock.offset [s] observable.
+// harmonics of several frequencies.
+//
+// clock.rate and clock.offset [s] are those of the contact clock (sprag/contact_clock.h).
 #pragma once
 
 #include <Eigen/Core>
@@ -26,7 +28,8 @@ struct Unknown {
     stiffness_entry,  ///< C and K at (row, column) and (column, row)
     position,         ///< x_c of contact `index` of a beam
     frequency,        ///< of harmonic group `index`, or a factor on all
-    clock_offset,     ///< recorded minus true times
+    clock_rate,       ///< of the contact clock
+    clock_offset,     ///< reading of the contact clock at the machine's t = 0
     // The path is linear in the kinds below (linear_path.h).
     phase,
     amplitude,  ///< of harmonic group `index`, or a factor on all
@@ -68,13 +71,18 @@ struct Unknown {
 std::vector<Unknown> unknowns_of(const Scene& scene);
 
 /// Parameters for several different numbers at once: a factor on the restitutions, on all
-/// amplitudes or frequencies, a shift of all phases, and the clock's offset.
+/// amplitudes or frequencies, and a shift of all phases.
 std::vector<Unknown> common_unknowns(const Scene& scene);
 /// Whether it is one of common_unknowns() for harmonics.
 bool is_common(const Unknown& unknown);
 
-/// Whether a filter of state and parameters can estimate it: not a single entry of C or K, and not
-/// one of common_unknowns() for harmonics.
+/// clock.rate, and with an excitation clock.offset.
+std::vector<Unknown> clock_unknowns(const Scene& scene);
+/// Whether it is one of clock_unknowns().
+bool is_of_clock(const Unknown& unknown);
+
+/// Whether a filter of state and parameters can estimate it: not a single entry of C or K, not one
+/// of common_unknowns() for harmonics, and not one of the clock.
 bool can_be_filtered(const Unknown& unknown);
 
 /// Whether it sets the scale of the motion. Events determine other such parameters only relative to

@@ -1,0 +1,179 @@
+#include "sprag/detail/parameters/clock_ambiguity.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+
+namespace sprag {
+namespace {
+
+using Kind = Unknown::Kind;
+using Unknowns = std::vector<Unknown>;
+
+const Unknown* named_one(const Unknowns& sought, Kind kind, int index) {
+  const auto at = std::find_if(sought.begin(), sought.end(), [&](const Unknown& unknown) {
+    return unknown.kind == kind && unknown.index == index;
+  });
+  return at != sought.end() ? &*at : nullptr;
+}
+
+// The keys of the parameters by which a matrix can change as a whole: its factor, or all entries
+// that are not 0. Nullopt: the matrix is held.
+std::optional<std::vector<std::string>> free_matrix(const Eigen::MatrixXd& matrix, Kind factor,
+                                                    Kind entry, const Unknowns& sought) {
+  if (const Unknown* all = named_one(sought, factor, -1)) return std::vector{all->key};
+  std::vector<std::string> keys;
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    for (Eigen::Index j = i; j < matrix.cols(); ++j) {
+      if (matrix(i, j) == 0.0 && matrix(j, i) == 0.0) continue;
+      const auto at = std::find_if(sought.begin(), sought.end(), [&](const Unknown& unknown) {
+        return unknown.kind == entry && std::min(unknown.row, unknown.column) == i &&
+               std::max(unknown.row, unknown.column) == j;
+      });
+      if (at == sought.end()) return std::nullopt;
+      keys.push_back(at->key);
+    }
+  }
+  return keys;
+}
+
+// Whether a length of the machine is known: the amplitude of a motion, or clearances that no other
+// start replaces. A displacement q in a direction without stiffness replaces the clearances W^T q.
+bool has_known_length(const Scene& scene, const Unknowns& sought) {
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const bool moves = groups[g].of_frame || !groups[g].contacts.empty();
+    const bool is_free = named_one(sought, Kind::amplitude, static_cast<int>(g)) != nullptr ||
+                         named_one(sought, Kind::amplitude, -1) != nullptr;
+    if (moves && !is_free) return true;
+  }
+  const Model& model = scene.model;
+  std::vector<int> held;
+  for (int i = 0; i < static_cast<int>(model.contacts.size()); ++i) {
+    if (named_one(sought, Kind::clearance, i) == nullptr) held.push_back(i);
+  }
+  const Eigen::Index f = model.coordinates();
+  Eigen::MatrixXd W_held(std::ssize(held), f);
+  Eigen::VectorXd c(std::ssize(held));
+  for (std::size_t i = 0; i < held.size(); ++i) {
+    const Contact& contact = model.contacts[static_cast<std::size_t>(held[i])];
+    W_held.row(static_cast<Eigen::Index>(i)) = contact.w.transpose();
+    c[static_cast<Eigen::Index>(i)] = contact.clearance;
+  }
+  if (c.size() == 0 || c.isZero(0.0)) return false;
+  const Eigenpairs modes = eigenpairs(model.K, model.M);
+  constexpr double rounding = 1e-10;
+  std::vector<Eigen::VectorXd> directions;  // W^T of the modes without stiffness, orthonormal
+  for (Eigen::Index k = 0; k < f; ++k) {
+    if (modes.values[k] > rounding * modes.values.cwiseAbs().maxCoeff()) continue;
+    Eigen::VectorXd direction = W_held * modes.vectors.col(k);
+    const double size = direction.norm();
+    for (const Eigen::VectorXd& other : directions) direction -= other.dot(direction) * other;
+    if (direction.norm() > rounding * size) directions.push_back(direction.normalized());
+  }
+  Eigen::VectorXd rest = c;
+  for (const Eigen::VectorXd& direction : directions) rest -= direction.dot(rest) * direction;
+  return rest.norm() > rounding * c.norm();
+}
+
+bool has_known_force(const Scene& scene, const Unknowns& sought) {
+  const Model& model = scene.model;
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    const bool acts = model.forces[j].constant != 0.0;
+    if (acts && named_one(sought, Kind::constant, static_cast<int>(j)) == nullptr) return true;
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    if (groups[g].of_frame || groups[g].forces.empty()) continue;
+    const bool is_free = named_one(sought, Kind::amplitude, static_cast<int>(g)) != nullptr ||
+                         named_one(sought, Kind::amplitude, -1) != nullptr;
+    if (!is_free) return true;
+  }
+  return false;
+}
+
+std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought) {
+  ClockAmbiguity ambiguity{"clock.rate", {}};
+  const auto add = [&](const std::vector<std::string>& keys) {
+    for (const std::string& key : keys) {
+      auto& equals = ambiguity.equals;
+      if (std::find(equals.begin(), equals.end(), key) == equals.end()) equals.push_back(key);
+    }
+  };
+  const Model& model = scene.model;
+  if (!model.K.isZero(0.0)) {
+    const auto keys = free_matrix(model.K, Kind::stiffness, Kind::stiffness_entry, sought);
+    if (!keys) return std::nullopt;
+    add(*keys);
+  }
+  // A beam's damping ratio is a number without a unit of time.
+  const bool by_ratio = scene.beam && scene.beam->damping_ratio.size() > 0;
+  if (!model.C.isZero(0.0) && !by_ratio) {
+    const auto keys = free_matrix(model.C, Kind::damping, Kind::damping_entry, sought);
+    if (!keys) return std::nullopt;
+    add(*keys);
+  }
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const Unknown* own = named_one(sought, Kind::frequency, static_cast<int>(g));
+    const Unknown* of = own != nullptr ? own : named_one(sought, Kind::frequency, -1);
+    if (of == nullptr) return std::nullopt;
+    add({of->key});
+  }
+  if (has_known_force(scene, sought) && has_known_length(scene, sought)) return std::nullopt;
+  return ambiguity;
+}
+
+std::optional<ClockAmbiguity> of_offset(const Scene& scene, const Unknowns& sought) {
+  ClockAmbiguity ambiguity{"clock.offset", {}};
+  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
+  const Unknown* common = named_one(sought, Kind::phase, -1);
+  const bool one_frequency = std::all_of(
+      groups.begin(), groups.end(),
+      [&](const HarmonicGroup& group) { return group.frequency == groups.front().frequency; });
+  if (common != nullptr && one_frequency) {
+    ambiguity.equals.push_back(common->key);
+    return ambiguity;
+  }
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    const Unknown* own = named_one(sought, Kind::phase, static_cast<int>(g));
+    if (own == nullptr) return std::nullopt;
+    ambiguity.equals.push_back(own->key);
+  }
+  return ambiguity;
+}
+
+std::string list_of_keys(const std::vector<std::string>& keys) {
+  std::string text;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    if (i > 0) text += i + 1 < keys.size() ? ", " : " and ";
+    text += keys[i];
+  }
+  return text;
+}
+
+}  // namespace
+
+std::optional<ClockAmbiguity> clock_ambiguity(const Scene& scene,
+                                              const std::vector<Unknown>& sought,
+                                              const Unknown& unknown) {
+  if (unknown.kind == Kind::clock_rate) return of_rate(scene, sought);
+  if (unknown.kind == Kind::clock_offset) return of_offset(scene, sought);
+  return std::nullopt;
+}
+
+std::string to_text(const ClockAmbiguity& ambiguity) {
+  const std::string text = ambiguity.key + " is not determined: ";
+  if (ambiguity.equals.empty()) {
+    return text +
+           "the machine has no stiffness, damping or excitation with a known time, and a constant "
+           "force gives none without a known length. Calibrate the clock.";
+  }
+  const bool one = ambiguity.equals.size() == 1;
+  return text + "the same event times follow from a change of " + list_of_keys(ambiguity.equals) +
+         (one ? "" : " together") + ". Hold " + (one ? "it" : "one of them") +
+         ": leave it out of --free.";
+}
+
+}  // namespace sprag
