@@ -73,6 +73,11 @@ struct FigureOptions {
   std::optional<Figure::Zoom> zoom;
 };
 
+/// Sets y_label to "quantity [unit]", where the unit has the prefix m, µ, n or p and all values are
+/// converted to it if the largest one is below 0.1 of the next larger unit. `unit` without a
+/// prefix.
+void set_readable_unit(Panel& panel, const std::string& quantity, const std::string& unit);
+
 /// Makes the picture of these tables. `scene` converts states to gaps; null: coordinates are shown.
 /// Panels beyond the legible number are omitted, and their names are added to `left_out`. Throws
 /// InputError if there is nothing to show or states do not match the scene; std::invalid_argument,
