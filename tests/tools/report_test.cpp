@@ -287,6 +287,15 @@ TEST_F(ReportTest, AWrongSigmaIsReported) {
   EXPECT_TRUE(has(page(), "less certain than it claims"));
 }
 
+// Rounding errors are no test of sigma.
+TEST_F(ReportTest, SigmaOfExactTimesIsNotTested) {
+  Arguments files = run_files("lab_rig", 0.0, "5");
+  files[0] = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
+  ASSERT_EQ(report(files).code, 0);
+  EXPECT_TRUE(has(page(), "Whether sigma is right is not tested."));
+  EXPECT_FALSE(has(page(), "this test"));
+}
+
 TEST_F(ReportTest, ReportOfAnIdentificationHasParametersAndResiduals) {
   run_files("lab_rig", 2e-5, "30");
   const std::string nominal = read_text(scene_);

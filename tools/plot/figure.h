@@ -42,6 +42,7 @@ struct Panel {
   std::string name;  ///< as in --show
   std::string y_label;
   bool logarithmic = false;
+  double reach = 0.0;      ///< the y axis extends to at least +- this; 0: as far as the data
   bool whole_run = false;  ///< shows the whole run even if the others are zoomed in
   std::vector<Band> bands;
   std::vector<Curve> curves;

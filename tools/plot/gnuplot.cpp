@@ -324,7 +324,9 @@ void draw(const Panel& panel, const Place& place, const Column& column, Script& 
   script.line(panel.logarithmic ? "set logscale y" : "unset logscale y");
   script.line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
-    script.line("set yrange " + data.y_range(panel.logarithmic));
+    const std::string reach = number(panel.reach);
+    script.line("set yrange " + (panel.reach > 0.0 ? "[*<-" + reach + ":" + reach + "<*]"
+                                                   : data.y_range(panel.logarithmic)));
     script.line("set ytics autofreq");
   } else {
     script.line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) +

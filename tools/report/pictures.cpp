@@ -51,6 +51,7 @@ plot::Panel residual_panel(const Residuals& residuals, const std::string& quanti
   };
   line(0.0, "");
   if (limits) {
+    panel.reach = 3.0;
     line(2.0, "± 2 sigma");
     line(-2.0, "");
   } else {
@@ -81,7 +82,8 @@ Picture correlation_picture(const std::vector<std::string>& names,
   const double cell = std::clamp(480.0 / static_cast<double>(n), 14.0, 48.0);
   const double side = cell * static_cast<double>(n);
   const double left = 7.4 * static_cast<double>(longest) + 46.0;
-  const double width = left + side + 80.0, height = side + 44.0;
+  // As wide as the others, so that texts have one size.
+  const double width = std::max(left + side + 80.0, 668.0), height = side + 44.0;
   plot::Script script(svg, width, height);
   script.margins({left, left + side, 10.0, 10.0 + side});
   std::string y_tics, x_tics;

@@ -199,7 +199,7 @@ std::optional<Section> motion_section(const Inputs& inputs, Shown shown) {
 
 namespace {
 
-void add_innovations(const plot::Table& states, Section& section) {
+void add_innovations(const plot::Table& states, double jitter, Section& section) {
   const Residuals all = innovations(states);
   const Residuals unit = normalized(all);
   if (unit.size() == 0) return;
@@ -208,7 +208,11 @@ void add_innovations(const plot::Table& states, Section& section) {
       "Innovations of " + states.label +
           ": the gap that the filter predicts at each closing, divided by its standard deviation. "
           "The states have one closing for each tick."));
-  if (const auto test = consistency(unit)) {
+  if (!(jitter > 0.0)) {
+    section.blocks.emplace_back(
+        Paragraph{"The scene has no jitter: event times count as exact, and innovations after the "
+                  "first impacts are rounding errors. Whether sigma is right is not tested."});
+  } else if (const auto test = consistency(unit)) {
     section.blocks.emplace_back(Paragraph{
         rounded(100.0 * test->within_two, 3) + " % of the " + std::to_string(test->n) +
         " innovations are within 2 sigma. Their mean square is " + rounded(test->mean_square, 3) +
@@ -261,7 +265,7 @@ void add_predictions(const Inputs& inputs, Section& section) {
 std::optional<Section> residuals_section(const Inputs& inputs) {
   Section section{"Predicted and measured events", {}};
   for (const ObserverRun& run : inputs.runs()) {
-    if (run.states != nullptr) add_innovations(*run.states, section);
+    if (run.states != nullptr) add_innovations(*run.states, inputs.scene.prior.jitter, section);
   }
   add_predictions(inputs, section);
   if (section.blocks.empty()) return std::nullopt;
