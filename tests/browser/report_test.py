@@ -69,7 +69,7 @@ class ReportTest(BrowserCase):
     def test_phone(self):
         page = self.shown(390, 800)
         self.check(page, 390)
-        font = float(page.js("getComputedStyle(document.querySelector('p')).fontSize").removesuffix("px"))
+        font = float(page.js("getComputedStyle(document.body).fontSize").removesuffix("px"))
         self.assertGreaterEqual(font, 14)
         scrolling = page.js("""[...document.querySelectorAll('.scroll')].filter(
             (part) => part.scrollWidth > part.clientWidth).length""")

@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
   sprag::require(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written,
                                  run.output, "F", "The report: F.html or F.pdf"));
   sprag::add_choice(*app, "--format", run.format, {{"html", Format::html}, {"pdf", Format::pdf}},
-                    "Format [as the output's name ends]. pdf needs chromium or weasyprint");
+                    "Format [as the output's name ends]. pdf needs chromium");
   sprag::add_finite(*app, "--from", run.shown.from, "T", "Show the time from here on [s]");
   sprag::add_finite(*app, "--to", run.shown.to, "T", "Show the time up to here [s]");
   sprag::add_text(*app, "--title", run.title, "TEXT", "Title [the scene's name]");

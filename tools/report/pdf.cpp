@@ -109,33 +109,31 @@ std::string pdf_of(const std::string& html) {
   const TemporaryFolder folder;
   const std::string page = folder.file("report.html"), pdf = folder.file("report.pdf");
   write_file(page, html);
-  std::vector<std::string> chromium{"chromium",
-                                    "--headless",
-                                    "--disable-gpu",
-                                    "--disable-dev-shm-usage",
-                                    "--no-first-run",
-                                    "--disable-extensions",
-                                    "--user-data-dir=" + folder.file("profile"),
-                                    "--no-pdf-header-footer",
-                                    "--print-to-pdf-no-header",
-                                    "--print-to-pdf=" + pdf,
-                                    "file://" + page};
+  std::vector<std::string> command{"chromium",
+                                   "--headless",
+                                   "--disable-gpu",
+                                   "--disable-dev-shm-usage",
+                                   "--no-first-run",
+                                   "--disable-extensions",
+                                   "--user-data-dir=" + folder.file("profile"),
+                                   "--no-pdf-header-footer",
+                                   "--print-to-pdf-no-header",
+                                   "--print-to-pdf=" + pdf,
+                                   "file://" + page};
   // Chromium's sandbox does not run as root. The page has no script and loads nothing.
-  if (::geteuid() == 0) chromium.insert(chromium.begin() + 1, "--no-sandbox");
-  for (const std::vector<std::string>& command :
-       {chromium, std::vector<std::string>{"weasyprint", page, pdf}}) {
-    const pid_t id = start(command);
-    if (id < 0) continue;
-    if (!ends_well(id) || !std::filesystem::exists(pdf)) {
-      throw std::runtime_error(command.front() +
-                               " has failed to convert the report to PDF; --format html writes the "
-                               "page, which any browser prints");
-    }
-    return read_whole(pdf);
+  if (::geteuid() == 0) command.insert(command.begin() + 1, "--no-sandbox");
+  const pid_t id = start(command);
+  if (id < 0) {
+    throw std::runtime_error(
+        "chromium is not installed, so that no PDF can be written; install Debian's package "
+        "chromium, or use --format html and print the page in any browser");
   }
-  throw std::runtime_error(
-      "neither chromium nor weasyprint is installed, so that no PDF can be written; install "
-      "Debian's package chromium or weasyprint, or use --format html");
+  if (!ends_well(id) || !std::filesystem::exists(pdf)) {
+    throw std::runtime_error(
+        "chromium has failed to convert the report to PDF; use --format html and print the page in "
+        "any browser");
+  }
+  return read_whole(pdf);
 }
 
 }  // namespace sprag::report

@@ -1,4 +1,4 @@
-// HTML to PDF by a program of Debian: chromium, else weasyprint.
+// HTML to PDF by chromium. (weasyprint 57 of Debian 12 cannot draw the symbols of gnuplot's SVG.)
 #pragma once
 
 #include <string>
@@ -6,8 +6,8 @@
 namespace sprag::report {
 
 /// Converts an HTML document without external resources to a PDF. Throws std::runtime_error, with
-/// the names of the packages, if neither program is installed, and if the program fails or takes
-/// longer than two minutes.
+/// the name of the package, if chromium is not installed, and if it fails or takes longer than two
+/// minutes.
 std::string pdf_of(const std::string& html);
 
 }  // namespace sprag::report
