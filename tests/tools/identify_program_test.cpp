@@ -451,17 +451,27 @@ TEST_F(IdentifyProgramTest, ResidualsAndCorrelationsAreInTheReport) {
   const std::size_t n = residuals["t"].size();
   ASSERT_EQ(n, json["impacts"].get<std::size_t>());
   ASSERT_GT(n, 50U);
-  double squares = 0.0, unit_squares = 0.0;
+  std::vector<double> exact;
+  for (const ContactEvent& event : test::events_of(shipped_scene("lab_rig"), 40.0)) {
+    exact.push_back(event.t);
+  }
+  double squares = 0.0, unit_squares = 0.0, along = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const double residual = residuals["residual"][k], sigma = residuals["sigma"][k];
     EXPECT_EQ(residuals["contact"][k], 1);
     EXPECT_GT(sigma, 0.0);
     EXPECT_LE(sigma, jitter);
     squares += residual * residual;
+    const double t = residuals["t"][k];
+    const double from_exact =
+        *std::min_element(exact.begin(), exact.end(),
+                          [t](double a, double b) { return std::abs(a - t) < std::abs(b - t); });
+    along += residual * (t - from_exact);
     unit_squares += residual * residual / (sigma * sigma);
   }
   EXPECT_NEAR(squares / (jitter * jitter), json["chi2"].get<double>(),
               1e-6 * json["chi2"].get<double>());
+  EXPECT_GT(along, 0.5 * squares) << "measured minus fitted";
   const auto count = static_cast<double>(n);
   EXPECT_NEAR(unit_squares / count, 1.0, 4.0 * std::sqrt(2.0 / count));
 

@@ -6,10 +6,9 @@
 int main(int argc, char** argv) {
   using sprag::report::Format;
   const auto app = sprag::command_line(
-      "Writes a run of the observer, an identification or both as one page to hand in: verdict, "
-      "machine, measurement, parameters, residuals, gaps, impacts, bound, inconsistencies, "
-      "versions "
-      "and command lines. The page needs no network and no script.",
+      "Writes a run or an identification as one page to hand in. It has the verdict, machine, "
+      "measurement, parameters, residuals, gaps, impacts, bound, inconsistencies, versions and "
+      "command lines, and needs no network and no script.",
       "report");
   sprag::CommonOptions common;
   sprag::report::ReportRun run;
