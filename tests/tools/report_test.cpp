@@ -358,6 +358,7 @@ TEST_F(ReportTest, InconsistenciesAreListedWithTheirTimes) {
   ASSERT_EQ(report({scene, json}).code, 0);
   const std::string html = page();
   EXPECT_TRUE(has(html, "gate failed 7 times, first at t = 4.75 s, contact 1"));
+  EXPECT_TRUE(has(html, "<td class=\"number\">4.75</td>"));
   EXPECT_TRUE(has(html, "<td>missing event</td>"));
   EXPECT_TRUE(has(html, "The first 1 of 7."));
   EXPECT_TRUE(has(html, "4.875"));
