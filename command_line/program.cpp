@@ -335,7 +335,9 @@ int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOp
     std::cerr << app.get_name() << ": " << printable(clash) << '\n';
     return exit_usage;
   }
-  nlohmann::ordered_json report{{"program", app.get_name()}, {"version", SPRAG_VERSION}};
+  nlohmann::ordered_json report{{"program", app.get_name()},
+                                {"version", SPRAG_VERSION},
+                                {"command", std::vector<std::string>(argv + 1, argv + argc)}};
   Outcome outcome;
   try {
     outcome = guarded(run, options, report);

@@ -171,7 +171,7 @@ void print_result(const nlohmann::ordered_json& object, const std::string& text,
 /// SceneError or ModelError; also if an output would overwrite another file of `options` or a file
 /// of the scene, and then no output is opened, not even the report. 1: any other exception, whose
 /// what() is printed to stderr, or a report that cannot be written. The report also contains
-/// program, version, exit and error.
+/// program, version, command (its arguments), exit and error.
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,
                 const std::function<int(nlohmann::ordered_json& report)>& run);
 

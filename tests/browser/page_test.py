@@ -236,6 +236,18 @@ class PageTest(BrowserCase):
         self.expect_quiet(page)
         self.assertIsNone(view.poll())
 
+    def test_window_follows_the_period(self):
+        # 30 periods at 4.5 Hz are 6.7 s; the nearest choice is 5 s, not the 20 s of a machine without a period.
+        view = self.start_view(name="lab_rig")
+        page = self.open_page(view.address)
+        self.start_run(name="lab_rig", speed="1")
+        page.wait("an estimate", "sprag.frame.settled")
+        self.assertAlmostEqual(page.js("sprag.scene.period"), 1 / 4.5)
+        page.wait("the window", "sprag.view.window === 5 && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001")
+        page.choose("window", "50")
+        page.wait("the chosen window", "sprag.curves.to - sprag.curves.from > 49")
+        self.expect_quiet(page)
+
     def test_guaranteed_and_calibrated_bands_are_shown(self):
         tolerant = self.file("tolerant.toml")
         with open(scene()) as nominal, open(tolerant, "w") as own:

@@ -146,6 +146,7 @@ TEST(ProgramTest, ReportHoldsTheFiguresAndTheError) {
   auto report = nlohmann::json::parse(test::read_text(file));
   EXPECT_EQ(report["program"], "tester");
   EXPECT_TRUE(report.contains("version"));
+  EXPECT_EQ(report["command"], (std::vector<std::string>{"--report", file}));
   EXPECT_EQ(report["rows"], 3);
   EXPECT_EQ(report["exit"], 0);
   EXPECT_FALSE(report.contains("error"));

@@ -534,6 +534,60 @@ TEST(FittedText, CorrelationsEqualThoseOfTheFit) {
   }
 }
 
+// JSON: residuals of the used impacts with their expected deviations, and all correlations.
+TEST_F(IdentifyProgramTest, ResidualsAndCorrelationsAreInTheReport) {
+  constexpr double jitter = 2e-4;
+  const std::string events = events_of(read_text(scene_file("lab_rig")), 40.0, jitter);
+  const Ended ended = identify({events, scene_file("lab_rig"), "--jitter", "2e-4", "--json"});
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  const auto json = nlohmann::json::parse(ended.out);
+  const auto& residuals = json["residuals"];
+  const std::size_t n = residuals["t"].size();
+  ASSERT_EQ(n, json["impacts"].get<std::size_t>());
+  ASSERT_GT(n, 50U);
+  std::vector<double> exact;
+  for (const ContactEvent& event : test::events_of(shipped_scene("lab_rig"), 40.0)) {
+    exact.push_back(event.t);
+  }
+  double squares = 0.0, unit_squares = 0.0, along = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    const double residual = residuals["residual"][k], sigma = residuals["sigma"][k];
+    EXPECT_EQ(residuals["contact"][k], 1);
+    EXPECT_GT(sigma, 0.0);
+    EXPECT_LE(sigma, jitter);
+    squares += residual * residual;
+    const double t = residuals["t"][k];
+    const double from_exact =
+        *std::min_element(exact.begin(), exact.end(),
+                          [t](double a, double b) { return std::abs(a - t) < std::abs(b - t); });
+    along += residual * (t - from_exact);
+    unit_squares += residual * residual / (sigma * sigma);
+  }
+  EXPECT_NEAR(squares / (jitter * jitter), json["chi2"].get<double>(),
+              1e-6 * json["chi2"].get<double>());
+  EXPECT_GT(along, 0.5 * squares) << "measured minus fitted";
+  const auto count = static_cast<double>(n);
+  EXPECT_NEAR(unit_squares / count, 1.0, 4.0 * std::sqrt(2.0 / count));
+
+  const auto& rows = json["correlations"];
+  const auto& parameters = json["parameters"];
+  ASSERT_EQ(rows.size(), parameters.size());
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    ASSERT_EQ(rows[i].size(), rows.size());
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      EXPECT_EQ(rows[i][k], rows[k][i]);
+      const bool both = parameters[i]["determined"] == true && parameters[k]["determined"] == true;
+      EXPECT_TRUE(both || rows[i][k].is_null());
+      if (i == k && both) {
+        EXPECT_EQ(rows[i][k], 1.0);
+      }
+      if (parameters[i]["hides_in"] == parameters[k]["parameter"]) {
+        EXPECT_NEAR(rows[i][k].get<double>(), parameters[i]["correlation"].get<double>(), 1e-9);
+      }
+    }
+  }
+}
+
 // A factor is 1 in the written scene, and its sigma is relative to the new value.
 TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
   const std::string text = read_text(scene_file("non_proportional"));

@@ -169,6 +169,96 @@ TEST_F(PlotTest, AnEstimateInsideASupportIsDashed) {
   EXPECT_EQ(figure({never}).panels.at(0).curves.size(), 1u);
 }
 
+TEST_F(PlotTest, StretchesOfTheReplicaAreDotted) {
+  const std::string text =
+      "k,t,q1,u1,sigma_q1,from_filter,penetrating\n0,0,1,2,inf,0,1\n1,1,2,2,inf,0,0\n"
+      "2,2,3,2,inf,0,0\n3,3,4,2,1,1,0\n4,4,5,2,1,1,0\n";
+  const Panel panel = figure({file("o.csv", text)}).panels.at(0);
+  ASSERT_EQ(panel.curves.size(), 3u);
+  EXPECT_EQ(panel.curves[0].title, "o");
+  EXPECT_EQ(panel.curves[1].line, Line::dashed);
+  const Curve& replica = panel.curves[2];
+  EXPECT_EQ(replica.title, "o, replica shown");
+  EXPECT_EQ(replica.line, Line::dotted);
+  for (const std::size_t i : {0u, 1u, 2u}) EXPECT_TRUE(std::isnan(panel.curves[0].y[i])) << i;
+  EXPECT_EQ(panel.curves[0].y[3], 4.0);
+  for (const std::size_t i : {0u, 1u, 2u, 3u}) EXPECT_FALSE(std::isnan(replica.y[i])) << i;
+  EXPECT_TRUE(std::isnan(replica.y[4]));
+}
+
+TEST_F(PlotTest, UnitIsReadable) {
+  struct Case {
+    double largest;
+    const char* label;
+    double factor;
+  };
+  for (const Case& of :
+       {Case{0.2, "gap [m]", 1.0}, Case{0.02, "gap [mm]", 1e3}, Case{2e-4, "gap [mm]", 1e3},
+        Case{2e-5, "gap [µm]", 1e6}, Case{2e-8, "gap [nm]", 1e9}, Case{2e-15, "gap [pm]", 1e12},
+        Case{0.0, "gap [m]", 1.0}, Case{infinity, "gap [m]", 1.0}}) {
+    Panel panel;
+    panel.curves.push_back({"a", Colour::black, Line::solid, {0, 1}, {-of.largest, 0.0}});
+    panel.bands.push_back({"b", Colour::black, {0, 1}, {-9, 0}, {9, 1}});
+    panel.dots.push_back({"c", Colour::black, 0, {0.5}, {of.largest / 2}, {0.25}});
+    set_readable_unit(panel, "gap", "m");
+    EXPECT_EQ(panel.y_label, of.label);
+    EXPECT_DOUBLE_EQ(panel.curves[0].y[0], -of.factor * of.largest);
+    EXPECT_DOUBLE_EQ(panel.bands[0].low[0], -of.factor * 9);
+    EXPECT_DOUBLE_EQ(panel.bands[0].high[1], of.factor);
+    EXPECT_DOUBLE_EQ(panel.dots[0].sigma[0], of.factor * 0.25);
+  }
+}
+
+TEST_F(PlotTest, SingleVIsTitledV) {
+  const std::string V = file("V.csv", "k,t,V\n0,0,1\n1,1,0.5\n");
+  const Figure one = figure({V});
+  EXPECT_EQ(one.panels.at(0).curves.at(0).title, "V");
+  const Figure two = figure({"a=" + V, "b=" + V});
+  EXPECT_EQ(two.panels.at(0).curves.at(0).title, "V, a");
+  EXPECT_EQ(two.panels.at(0).curves.at(1).title, "V, b");
+}
+
+// The title of a y axis keeps its distance from the longest number, and a legend above a panel
+// from the panel.
+TEST_F(PlotTest, TitlesAreClearOfNumbers) {
+  Figure of;
+  of.to = 1.0;
+  Panel panel;
+  panel.y_label = "quantity";
+  panel.curves.push_back({"a", Colour::black, Line::solid, {0, 1}, {-123450.5, -123451.5}});
+  of.panels.push_back(panel);
+  const auto value = [](const std::string& script, const std::string& name) {
+    const std::size_t at = script.find(name);
+    EXPECT_NE(at, std::string::npos) << name;
+    return std::stod(script.substr(at + name.size()));
+  };
+  const auto left = [&](const std::string& script) {
+    const std::string size = script.substr(script.find(" size ") + 6);
+    return value(script, "set lmargin at screen ") * std::stod(size);
+  };
+  EXPECT_GT(left(gnuplot_script(of, "a.svg")), 28.0 + 7.0 * 7.4) << "-123450 has 7 characters";
+  of.panels[0].curves[0].y = {-1.0, 1.0};
+  EXPECT_EQ(left(gnuplot_script(of, "a.svg")), 84.0);
+  const PictureForm narrow{.across = 300, .legend_above = true};
+  const std::string before = gnuplot_script(of, "a.svg", narrow);
+  for (int k = 0; k < 9; ++k) of.panels[0].curves.push_back(of.panels[0].curves[0]);
+  const std::string after = gnuplot_script(of, "a.svg", narrow);
+  const auto height = [](const std::string& script) {
+    const std::string size = script.substr(script.find(" size ") + 6);
+    return std::stod(size.substr(size.find(',') + 1));
+  };
+  EXPECT_GT(height(after), height(before) + 18.0) << "more rows of the legend";
+}
+
+TEST_F(PlotTest, PredictionsAreRefused) {
+  const std::string predictions = file(
+      "p.csv", "made_at,certain_until,t,contact,kind,sigma_t\n1,2,,,,\n1,2,1.5,1,impact,0.1\n");
+  EXPECT_EQ(read_table(predictions).columns[0].size(), 2u);
+  const Ended ended = run(PLOT, {predictions, "--output", path("a.svg")});
+  EXPECT_EQ(ended.code, 2);
+  EXPECT_NE(ended.err.find("holds predictions"), std::string::npos) << ended.err;
+}
+
 TEST_F(PlotTest, RunHasSameColourInAllPanels) {
   const std::string machine = file("m.csv", "k,t,q1,u1\n0,0,1,2\n1,1,1,2\n");
   const std::string a = file("a.csv", "k,t,q1,u1,sigma_q1\n0,0,1,2,1\n1,1,1,2,1\n");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <random>
 
 #include "sprag/detail/events/message_builder.h"
@@ -447,6 +448,63 @@ TEST(DrawnMachine, BeamTouchesStopAtZeroGap) {
       EXPECT_NEAR(distance, gap(scene.model.contacts[i], q, t), 1e-12) << name << ' ' << i;
     }
   }
+}
+
+// Two beam elements with deflections and rotations: nodes are the outputs and the other contact.
+TEST(DrawnMachine, FiniteElementModelIsDrawnByItsNodes) {
+  const std::string text = R"(
+[system]
+M = [[1, 0, 0, 0], [0, 0.1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0.1]]
+C = [[0.1, 0, 0, 0], [0, 0.1, 0, 0], [0, 0, 0.1, 0], [0, 0, 0, 0.1]]
+K = [[4, 0, -1, 0], [0, 2, 0, 0.5], [-1, 0, 3, 0], [0, 0.5, 0, 1]]
+[impact]
+restitution = 0.5
+[[contact]]
+direction = [0, 0, -2, 0]
+clearance = 0.3
+[[contact]]
+direction = [0.5, 0.1, 0.5, -0.1]
+clearance = 0.2
+[[output]]
+name = "middle"
+direction = [1, 0, 0, 0]
+[[output]]
+name = "rate"
+direction = [0, 0, 1, 0]
+quantity = "velocity"
+)";
+  const std::string tip = "[[output]]\nname = \"tip\"\ndirection = [0, 0, 1, 0]\n";
+  EXPECT_EQ(DrawnMachine(parse_scene(text, "a.toml")).kind(), DrawnMachine::Kind::chain)
+      << "one displacement among its outputs";
+  const Scene scene = parse_scene(text + tip, "a.toml");
+  const DrawnMachine machine(scene);
+  ASSERT_EQ(machine.kind(), DrawnMachine::Kind::nodes);
+  EXPECT_EQ(machine.names(), (std::vector<std::string>{"middle", "tip", "contact 2"}));
+  EXPECT_EQ(machine.places().size(), 3u);
+  EXPECT_EQ(machine.stops()[0].side, 1) << "above the tip";
+  const Eigen::Vector4d q(0.1, 7.0, 0.02, -5.0);
+  const std::vector<double> shape = machine.shape(q, 0.0);
+  EXPECT_NEAR(shape[0], 0.1, 1e-15);
+  EXPECT_NEAR(shape[1], 0.02, 1e-15);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const std::size_t at = static_cast<std::size_t>(machine.stops()[i].across) - 1;
+    const double weight = i == 0 ? 2.0 : 1.0;
+    EXPECT_NEAR(weight * (shape[at] - machine.stop(i, 0.0)) * -machine.stops()[i].side,
+                gap(scene.model.contacts[i], q, 0.0), 1e-12)
+        << i;
+  }
+}
+
+TEST(DrawnMachine, PeriodIsThatOfTheExcitationElseOfTheVibration) {
+  Scene scene = two_carriages();
+  EXPECT_NEAR(longest_period(scene.model).value(), 2.0 * std::numbers::pi / 2.7, 1e-12);
+  scene.model.forces.clear();
+  // omega^2 of K - omega^2 M: 2 x^2 - 19 x + 36 = 0.
+  const double square = (19.0 - std::sqrt(19.0 * 19.0 - 4.0 * 2.0 * 36.0)) / 4.0;
+  EXPECT_NEAR(longest_period(scene.model).value(), 2.0 * std::numbers::pi / std::sqrt(square),
+              1e-9);
+  scene.model.K.setZero();
+  EXPECT_FALSE(longest_period(scene.model)) << "nothing vibrates";
 }
 
 TEST(Client, GetsNewestDataLimitedByAcknowledgement) {

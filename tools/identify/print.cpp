@@ -184,6 +184,66 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   return entry;
 }
 
+Json ambiguities_of(const Identification& fit) {
+  Json all = Json::array();
+  for (const ClockAmbiguity& ambiguity : fit.ambiguities) {
+    all.push_back(
+        {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
+  }
+  return all;
+}
+
+// Correlations of the parameters, in their order; null where one of the two is not determined or
+// at a bound.
+nlohmann::ordered_json correlations_of(const Identification& fit) {
+  const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
+  const auto n = std::min(std::ssize(fit.unknowns), covariance.rows());
+  const auto variance = [&](Eigen::Index k) {
+    return fit.unknowns[static_cast<std::size_t>(k)].determined ? covariance(k, k) : 0.0;
+  };
+  nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+  for (Eigen::Index i = 0; i < n; ++i) {
+    nlohmann::ordered_json row = nlohmann::ordered_json::array();
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const double scale = std::sqrt(variance(i) * variance(j));
+      if (!(scale > 0.0)) {
+        row.push_back(nullptr);
+        continue;
+      }
+      const double of_pair = 0.5 * (covariance(i, j) + covariance(j, i)) / scale;
+      row.push_back(i == j ? 1.0 : std::clamp(of_pair, -1.0, 1.0));
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+// Measured minus fitted time of each impact that is used, and the standard deviation that the
+// jitter gives this difference; null where the fit follows the time exactly.
+nlohmann::ordered_json residuals_of(const Identification& fit) {
+  using Json = nlohmann::ordered_json;
+  Json t = Json::array(), contact = Json::array(), residual = Json::array(),
+       deviation = Json::array();
+  const Likelihood& solution = fit.likelihood;
+  const std::size_t stretches = std::min(fit.measured.size(), solution.path.size());
+  for (std::size_t s = 0; s < stretches; ++s) {
+    const std::vector<Impact>& measured = fit.measured[s].impacts;
+    const std::vector<Impact>& path = solution.path[s].impacts;
+    for (std::size_t k = 0; k < std::min(measured.size(), path.size()); ++k) {
+      if (!measured[k].timed) continue;
+      t.push_back(measured[k].t);
+      contact.push_back(measured[k].contact + 1);
+      residual.push_back(measured[k].t - path[k].t);
+      const bool known = s < solution.leverage.size() &&
+                         static_cast<Eigen::Index>(k) < solution.leverage[s].size();
+      const double left = known ? 1.0 - solution.leverage[s][static_cast<Eigen::Index>(k)] : 0.0;
+      const double sigma = left > 0.0 ? fit.jitter * std::sqrt(left) : 0.0;
+      deviation.push_back(sigma > 0.0 ? Json(sigma) : Json(nullptr));
+    }
+  }
+  return {{"t", t}, {"contact", contact}, {"residual", residual}, {"sigma", deviation}};
+}
+
 }  // namespace
 
 std::string verdict(const IdentifyResult& result) {
@@ -306,10 +366,12 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
     }
     object["parameters"].push_back(std::move(entry));
   }
-  object["clock_ambiguities"] = Json::array();
-  for (const ClockAmbiguity& ambiguity : fit.ambiguities) {
-    object["clock_ambiguities"].push_back(
-        {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
+  object["clock_ambiguities"] = ambiguities_of(fit);
+  object["correlations"] = nullptr;
+  object["residuals"] = nullptr;
+  if (fit.converged()) {
+    object["correlations"] = correlations_of(fit);
+    object["residuals"] = residuals_of(fit);
   }
   object["start"] = nullptr;
   if (fit.fits() || result.accepted)

@@ -33,13 +33,6 @@ bool at_ticks(const Table& table) {
   return table.kind == TableKind::states || table.kind == TableKind::energy;
 }
 
-// An estimate has columns about its own error; the states of a master do not.
-bool is_estimate(const Table& states) {
-  return std::any_of(states.names.begin(), states.names.end(), [](const std::string& name) {
-    return name == "B" || name.starts_with("sigma_") || name.starts_with("bound_");
-  });
-}
-
 // Whether a column is a coordinate, which has a panel of its own, or an innovation.
 bool is_coordinate_or_innovation(const std::string& name) {
   const bool letter = name[0] == 'q' || name[0] == 'u';
@@ -92,24 +85,42 @@ class Colours {
   std::map<std::string, Colour> of_;
 };
 
-// Splits a curve in two. The parts where the estimate penetrates a support (column `penetrating`)
-// are dashed. The points next to a change belong to both.
-void add_parted(Curve curve, const std::vector<double>& penetrating, Panel& panel) {
-  Curve inside{curve.title + ", inside a support", curve.colour, Line::dashed, curve.t, curve.y};
-  const std::size_t n = curve.y.size();
-  const auto is_inside = [&](std::size_t i) { return penetrating[i] > 0.5; };
+// Adds a curve whose points `is_part` selects as a curve of its own. The points next to a change
+// belong to both.
+template <class IsPart>
+void split_off(Curve& curve, const Curve& whole, const std::string& what, Line line, IsPart is_part,
+               Panel& panel) {
+  Curve part{whole.title + what, whole.colour, line, whole.t, whole.y};
+  const std::size_t n = whole.y.size();
   bool any = false;
   for (std::size_t i = 0; i < n; ++i) {
-    const bool beside = (i > 0 && is_inside(i - 1)) || (i + 1 < n && is_inside(i + 1));
-    any = any || is_inside(i);
-    if (is_inside(i)) {
+    const bool beside = (i > 0 && is_part(i - 1)) || (i + 1 < n && is_part(i + 1));
+    any = any || is_part(i);
+    if (is_part(i)) {
       curve.y[i] = nan;
     } else if (!beside) {
-      inside.y[i] = nan;
+      part.y[i] = nan;
     }
   }
-  panel.curves.push_back(std::move(curve));
-  if (any) panel.curves.push_back(std::move(inside));
+  if (any) panel.curves.push_back(std::move(part));
+}
+
+// Splits the curve of an estimate. The parts where it penetrates a support (column `penetrating`)
+// are dashed, those where the replica is shown in place of the filter (`from_filter`) are dotted.
+void add_parted(Curve curve, const Table& table, Panel& panel) {
+  const auto* penetrating = table.column("penetrating");
+  const auto* from_filter = table.column("from_filter");
+  const auto inside = [&](std::size_t i) {
+    return penetrating != nullptr && (*penetrating)[i] > 0.5;
+  };
+  const auto replica = [&](std::size_t i) {
+    return from_filter != nullptr && (*from_filter)[i] < 0.5 && !inside(i);
+  };
+  const Curve whole = curve;
+  const std::size_t at = panel.curves.size();
+  split_off(curve, whole, ", inside a support", Line::dashed, inside, panel);
+  split_off(curve, whole, ", replica shown", Line::dotted, replica, panel);
+  panel.curves.insert(panel.curves.begin() + static_cast<std::ptrdiff_t>(at), std::move(curve));
 }
 
 // y with a band of `times` half-widths, where the half-width is finite.
@@ -136,12 +147,7 @@ void add_curve(const Table& table, Colour colour, const std::vector<double>& t,
   }
   const Line line = is_estimate(table) ? Line::solid : Line::thick;
   Curve curve{table.label, colour, line, t, std::move(y)};
-  const std::vector<double>* penetrating = table.column("penetrating");
-  if (penetrating != nullptr) {
-    add_parted(std::move(curve), *penetrating, panel);
-  } else {
-    panel.curves.push_back(std::move(curve));
-  }
+  add_parted(std::move(curve), table, panel);
 }
 
 std::vector<double> gap_over_time(const Table& states, const Contact& contact) {
@@ -250,10 +256,10 @@ class Panels {
     const bool gaps = panels.size() > named;
     if (!gaps) add_coordinates("q", Rank::single);
     add(of_contacts(), Rank::summary);
-    add(of_impacts("impulse", "impulse [N s]"), Rank::summary);
+    add(of_impacts("impulse", "impulse", "N s"), Rank::summary);
     add(of_energy(), Rank::summary);
-    add(of_impacts("velocity_before", "gap velocity before [m/s]"), Rank::unasked);
-    add(of_impacts("velocity_after", "gap velocity after [m/s]"), Rank::unasked);
+    add(of_impacts("velocity_before", "gap velocity before", "m/s"), Rank::unasked);
+    add(of_impacts("velocity_after", "gap velocity after", "m/s"), Rank::unasked);
     if (gaps) add_coordinates("q", Rank::unasked);
     add_coordinates("u", Rank::unasked);
     return panels;
@@ -269,8 +275,7 @@ class Panels {
 
   Panel of_gap(std::size_t i) const {
     const std::string name = numbered("g", i);
-    Panel panel =
-        named(name, scene_->model.contacts.size() == 1 ? "gap g [m]" : "gap " + name + " [m]");
+    Panel panel = named(name, "");
     each(TableKind::states, [&](const Table& states) {
       add_curve(states, colours_.of(states), *states.column("t"),
                 gap_over_time(states, scene_->model.contacts[i]), panel.name, panel);
@@ -280,6 +285,7 @@ class Panels {
       for (const auto& [from, to] : contacts_[i].closed) panel.impacts.push_back(from);
       std::sort(panel.impacts.begin(), panel.impacts.end());
     }
+    set_readable_unit(panel, scene_->model.contacts.size() == 1 ? "gap g" : "gap " + name, "m");
     return panel;
   }
 
@@ -300,8 +306,9 @@ class Panels {
   }
 
   // A column of an impacts table, one set of dots for each contact.
-  Panel of_impacts(const std::string& column, const std::string& y_label) const {
-    Panel panel = named(column, y_label);
+  Panel of_impacts(const std::string& column, const std::string& quantity,
+                   const std::string& unit) const {
+    Panel panel = named(column, quantity + " [" + unit + "]");
     each(TableKind::impacts, [&](const Table& impacts) {
       const auto* y = impacts.column(column);
       const auto* sigma = impacts.column("sigma_" + column);
@@ -322,6 +329,8 @@ class Panels {
         if (!dots.t.empty()) panel.dots.push_back(std::move(dots));
       }
     });
+    // A prefix before a product of units would not be read.
+    if (unit.find(' ') == std::string::npos) set_readable_unit(panel, quantity, unit);
     return panel;
   }
 
@@ -330,8 +339,14 @@ class Panels {
     panel.logarithmic = true;
     panel.whole_run = true;
     const Table* first = nullptr;
+    const auto title = [this](TableKind kind, const std::string& text, const Table& of) {
+      const auto several = std::count_if(tables_.begin(), tables_.end(), [&](const Table& table) {
+        return table.kind == kind && (kind == TableKind::energy || table.column("B") != nullptr);
+      });
+      return several > 1 ? text + ", " + of.label : text;
+    };
     each(TableKind::energy, [&](const Table& energy) {
-      panel.curves.push_back({"V of " + energy.label, colours_.of(energy),
+      panel.curves.push_back({title(TableKind::energy, "V", energy), colours_.of(energy),
                               first == nullptr ? Line::thick : Line::solid, *energy.column("t"),
                               *energy.column("V")});
       if (first == nullptr) first = &energy;
@@ -339,8 +354,8 @@ class Panels {
     if (first != nullptr) add_modes(*first, panel);
     each(TableKind::states, [&](const Table& states) {
       if (const auto* B = states.column("B"); B != nullptr && any_finite(*B)) {
-        panel.curves.push_back({"B, bound on V of " + states.label, colours_.of(states),
-                                Line::dashed, *states.column("t"), *B});
+        panel.curves.push_back({title(TableKind::states, "B, bound on the replica's V", states),
+                                colours_.of(states), Line::dashed, *states.column("t"), *B});
       }
     });
     if (first != nullptr) add_damping(*first, panel);
@@ -385,6 +400,39 @@ class Panels {
 }
 
 }  // namespace
+
+void set_readable_unit(Panel& panel, const std::string& quantity, const std::string& unit) {
+  double largest = 0.0;
+  const auto extend = [&largest](const std::vector<double>& y) {
+    for (const double value : y) {
+      if (std::isfinite(value)) largest = std::max(largest, std::abs(value));
+    }
+  };
+  for (const Curve& curve : panel.curves) extend(curve.y);
+  for (const Dots& dots : panel.dots) extend(dots.y);
+  // Largest values below 0.1 of a unit are shown in the next smaller one.
+  double factor = 1.0;
+  std::string prefix;
+  for (const char* smaller : {"m", "µ", "n", "p"}) {
+    if (!(largest > 0.0) || factor * largest >= 0.1) break;
+    factor *= 1e3;
+    prefix = smaller;
+  }
+  panel.y_label = quantity + " [" + prefix + unit + "]";
+  if (factor == 1.0) return;
+  const auto scale = [factor](std::vector<double>& y) {
+    for (double& value : y) value *= factor;
+  };
+  for (Curve& curve : panel.curves) scale(curve.y);
+  for (Band& band : panel.bands) {
+    scale(band.low);
+    scale(band.high);
+  }
+  for (Dots& dots : panel.dots) {
+    scale(dots.y);
+    scale(dots.sigma);
+  }
+}
 
 Figure make_figure(const std::vector<Table>& tables, const Scene* scene,
                    const FigureOptions& options, std::vector<std::string>& left_out) {

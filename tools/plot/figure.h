@@ -42,6 +42,7 @@ struct Panel {
   std::string name;  ///< as in --show
   std::string y_label;
   bool logarithmic = false;
+  double reach = 0.0;      ///< the y axis extends to at least +- this; 0: as far as the data
   bool whole_run = false;  ///< shows the whole run even if the others are zoomed in
   std::vector<Band> bands;
   std::vector<Curve> curves;
@@ -72,6 +73,11 @@ struct FigureOptions {
   double to = std::numeric_limits<double>::infinity();
   std::optional<Figure::Zoom> zoom;
 };
+
+/// Sets y_label to "quantity [unit]", where the unit has the prefix m, µ, n or p and all values are
+/// converted to it if the largest one is below 0.1 of the next larger unit. `unit` without a
+/// prefix.
+void set_readable_unit(Panel& panel, const std::string& quantity, const std::string& unit);
 
 /// Makes the picture of these tables. `scene` converts states to gaps; null: coordinates are shown.
 /// Panels beyond the legible number are omitted, and their names are added to `left_out`. Throws

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <limits>
+#include <string_view>
 
 #include "tools/plot/script_text.h"
 #include "tools/plot/thinning.h"
@@ -12,10 +14,11 @@ namespace sprag::plot {
 namespace {
 
 // Lengths in pixels of the picture.
-constexpr int pixels_across = 1000, pixels_across_of_two = 620;
 constexpr int panel_height = 250, contact_height = 40, least_height = 110, least_picture = 420;
-constexpr int above = 46, above_without_title = 16, below = 58, between = 20, to_the_left = 84;
-constexpr double letter = 7.4, room_of_sample = 70.0;
+constexpr int above = 46, above_without_title = 16, below = 58, between = 20;
+constexpr double letter = 7.4, room_of_sample = 70.0, legend_row = 18.0, to_the_right = 24.0;
+// Left of a panel: its title, a gap, its numbers and their ticks.
+constexpr double title_at = 14.0, of_title = 28.0, of_ticks = 8.0, least_left = 84.0;
 
 // Widths and dashes distinguish lines that are printed without colours.
 std::string style(Line line) {
@@ -38,10 +41,15 @@ bool reaches(const std::vector<double>& t, Figure::Zoom axis) {
   return !t.empty() && t.front() <= axis.to && t.back() >= axis.from;
 }
 
+constexpr const char* closing_title = "contact closes, as reported";
+constexpr const char* closed_title = "contact stays closed";
+constexpr const char* pulse_title = "impact, as reported";
+
 struct Column {
   std::vector<const Panel*> panels;
   Figure::Zoom axis;
-  double left = 0.0, right = 0.0;
+  double margin = 0.0, left = 0.0, right = 0.0;  ///< the margin holds titles and numbers of y axes
+  double row = 0.0;  ///< width of an entry of the legends above the panels; 0: they are elsewhere
 };
 
 struct Layout {
@@ -49,27 +57,103 @@ struct Layout {
   double width = 0.0, height = 0.0, above = 0.0;
 };
 
+// Titles of the legend of a panel.
+std::vector<std::string> titles_of(const Panel& panel) {
+  std::vector<std::string> titles;
+  const auto add = [&titles](const std::string& title) {
+    if (!title.empty()) titles.push_back(title);
+  };
+  for (const Band& band : panel.bands) add(band.title);
+  for (const Curve& curve : panel.curves) add(curve.title);
+  for (const Dots& dots : panel.dots) add(dots.title);
+  if (!panel.impacts.empty()) add(closing_title);
+  if (!panel.contacts.empty()) {
+    add(closed_title);
+    add(pulse_title);
+  }
+  return titles;
+}
+
+// Number of entries of a legend above a panel that stand side by side.
+int entries_across(const Column& column) {
+  return std::max(1, static_cast<int>((column.right - column.left) / column.row));
+}
+
+double legend_height(const Panel& panel, const Column& column) {
+  if (column.row == 0.0) return 0.0;
+  const int across = entries_across(column);
+  const int rows = (static_cast<int>(titles_of(panel).size()) + across - 1) / across;
+  return legend_row * rows + 4.0;
+}
+
 int height_of(const Panel& panel) {
   if (panel.contacts.empty()) return panel_height;
   return std::max(least_height, contact_height * static_cast<int>(panel.contacts.size()));
 }
 
-int height_of(const std::vector<const Panel*>& panels) {
-  int height = -between;
-  for (const Panel* panel : panels) height += height_of(*panel) + between;
+// With their legends, if these are above the panels.
+double height_of(const Column& column) {
+  double height = -between;
+  for (const Panel* panel : column.panels) {
+    height += height_of(*panel) + legend_height(*panel, column) + between;
+  }
   return height;
 }
 
-double longest_title(const Figure& figure) {
-  std::size_t longest = 30;
+double longest_title(const Figure& figure, bool all) {
+  std::size_t longest = all ? 0 : 30;
   for (const Panel& panel : figure.panels) {
-    for (const Curve& curve : panel.curves) longest = std::max(longest, shown_length(curve.title));
-    for (const Band& band : panel.bands) longest = std::max(longest, shown_length(band.title));
+    for (const std::string& title : titles_of(panel)) {
+      longest = std::max(longest, shown_length(title));
+    }
   }
   return static_cast<double>(longest);
 }
 
-Layout layout_of(const Figure& figure) {
+// Room for the numbers of a y axis: those at multiples of a step that is not longer than
+// gnuplot's.
+double width_of_numbers(const Panel& panel, Figure::Zoom axis) {
+  if (panel.logarithmic || !panel.contacts.empty()) return 5.0 * letter;
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  const auto extend = [&](const std::vector<double>& t, const std::vector<double>& y,
+                          double sign = 0.0, const std::vector<double>& width = {}) {
+    for (std::size_t k = 0; k < t.size(); ++k) {
+      const double bar = width.empty() || !std::isfinite(width[k]) ? 0.0 : sign * width[k];
+      if (!std::isfinite(y[k]) || t[k] < axis.from || t[k] > axis.to) continue;
+      least = std::min(least, y[k] + bar);
+      most = std::max(most, y[k] + bar);
+    }
+  };
+  for (const Curve& curve : panel.curves) extend(curve.t, curve.y);
+  for (const Band& band : panel.bands) {
+    extend(band.t, band.low);
+    extend(band.t, band.high);
+  }
+  for (const Dots& dots : panel.dots) {
+    extend(dots.t, dots.y, 2.0, dots.sigma);
+    extend(dots.t, dots.y, -2.0, dots.sigma);
+  }
+  const double size = std::max(std::abs(least), std::abs(most));
+  if (!(most - least > 1e-6 * size)) return 12.0 * letter;
+  const double step = std::pow(10.0, std::floor(std::log10((most - least) / 5.0)));
+  std::size_t longest = 0;
+  for (double tick = std::floor(least / step); tick <= std::ceil(most / step); tick += 1.0) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%g", tick * step);
+    longest = std::max(longest, std::string_view(text).size());
+  }
+  return letter * static_cast<double>(longest);
+}
+
+double margin_of(const Column& column) {
+  double margin = least_left;
+  for (const Panel* panel : column.panels) {
+    margin = std::max(margin, of_title + width_of_numbers(*panel, column.axis) + of_ticks);
+  }
+  return margin;
+}
+
+Layout layout_of(const Figure& figure, const PictureForm& form) {
   Layout layout;
   std::vector<Column>& columns = layout.columns;
   columns.push_back({{}, {figure.from, figure.to}});
@@ -78,14 +162,16 @@ Layout layout_of(const Figure& figure) {
     (panel.whole_run ? columns.front() : columns.back()).panels.push_back(&panel);
   }
   std::erase_if(columns, [](const Column& column) { return column.panels.empty(); });
-  const double across = columns.size() == 1 ? pixels_across : pixels_across_of_two;
-  const double legend = longest_title(figure) * letter + room_of_sample;
-  int tallest = least_picture;
+  const double across = columns.size() == 1 ? form.across : form.across_of_two;
+  const double legend = longest_title(figure, form.legend_above) * letter + room_of_sample;
+  double tallest = form.legend_above ? 0.0 : least_picture;
   for (Column& column : columns) {
-    column.left = layout.width + to_the_left;
+    column.margin = margin_of(column);
+    column.left = layout.width + column.margin;
     column.right = column.left + across;
-    layout.width = column.right + legend;
-    tallest = std::max(tallest, height_of(column.panels));
+    layout.width = column.right + (form.legend_above ? to_the_right : legend);
+    if (form.legend_above) column.row = std::min(legend, across);
+    tallest = std::max(tallest, height_of(column));
   }
   layout.above = figure.title.empty() ? above_without_title : above;
   layout.height = layout.above + tallest + below;
@@ -148,7 +234,7 @@ class PanelData {
     if (impacts.empty()) return;
     has_dots_ = true;
     add({impacts, std::vector<double>(impacts.size(), 0.0)},
-        "1:2 with points pt 7 ps 0.6 lc rgb '#303030'", "contact closes, as reported");
+        "1:2 with points pt 7 ps 0.6 lc rgb '#303030'", closing_title);
   }
 
   // A row for each contact.
@@ -171,11 +257,11 @@ class PanelData {
     }
     if (!from.empty()) {
       add({from, row, to}, "1:2:($3-$1):(0) with vectors nohead lw 6 lc rgb '#7F7F7F'",
-          "contact stays closed");
+          closed_title);
     }
     if (!pulse_t.empty()) {
       add({pulse_t, pulse_row}, "1:($2-0.35):(0):(0.7) with vectors nohead lw 1.2 lc rgb '#303030'",
-          "impact, as reported");
+          pulse_title);
     }
   }
 
@@ -213,7 +299,10 @@ class PanelData {
   bool has_dots_ = false;
 };
 
-void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest, Script& script) {
+// `place` is that of the panel without a legend above it.
+void draw(const Panel& panel, const Place& place, const Column& column, Script& script) {
+  const Figure::Zoom axis = column.axis;
+  const bool lowest = &panel == column.panels.back();
   PanelData data(axis, static_cast<int>(place.right - place.left), script);
   for (const Band& band : panel.bands) data.add(band);
   for (const Curve& curve : panel.curves) data.add(curve, panel.logarithmic);
@@ -221,14 +310,23 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
   data.add_impacts(panel.impacts);
   data.add_contacts(panel.contacts);
 
-  script.panel(place, panel.y_label, place.left - to_the_left + 14.0);
+  script.panel(place, panel.y_label, place.left - column.margin + title_at);
+  if (column.row > 0.0) {
+    script.line("set key at " +
+                script.screen(place.left, place.top - legend_height(panel, column)) +
+                " left top horizontal Left reverse noenhanced samplen 2.2 spacing 1.15 width 0 "
+                "maxcols " +
+                std::to_string(entries_across(column)));
+  }
   script.line("set xrange [" + number(axis.from) + ":" + number(axis.to) + "]");
   script.line(lowest ? "set xlabel 'time t [s]'" : "unset xlabel");
   script.line(lowest ? "set format x '%g'" : "set format x ''");
   script.line(panel.logarithmic ? "set logscale y" : "unset logscale y");
   script.line(panel.logarithmic ? "set format y '10^{%T}'" : "set format y '%g'");
   if (panel.contacts.empty()) {
-    script.line("set yrange " + data.y_range(panel.logarithmic));
+    const std::string reach = number(panel.reach);
+    script.line("set yrange " + (panel.reach > 0.0 ? "[*<-" + reach + ":" + reach + "<*]"
+                                                   : data.y_range(panel.logarithmic)));
     script.line("set ytics autofreq");
   } else {
     script.line("set yrange [0.4:" + number(static_cast<double>(panel.contacts.size()) + 0.6) +
@@ -248,22 +346,25 @@ void draw(const Panel& panel, const Place& place, Figure::Zoom axis, bool lowest
 // Panels of a column share the height of the picture.
 void draw(const Column& column, const Layout& layout, Script& script) {
   const double scale =
-      (layout.height - layout.above - below + between) / (height_of(column.panels) + between);
+      (layout.height - layout.above - below + between) / (height_of(column) + between);
   double y = layout.above;
   for (const Panel* panel : column.panels) {
-    const double step = scale * (height_of(*panel) + between);
-    draw(*panel, {column.left, column.right, y, y + step - between}, column.axis,
-         panel == column.panels.back(), script);
+    const double legend = legend_height(*panel, column);
+    const double step = scale * (height_of(*panel) + legend + between);
+    draw(*panel, {column.left, column.right, y + legend, y + step - between}, column, script);
     y += step;
   }
 }
 
 }  // namespace
 
-std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output) {
-  const Layout layout = layout_of(figure);
+std::string gnuplot_script(const Figure& figure, const std::filesystem::path& output,
+                           const PictureForm& form) {
+  const Layout layout = layout_of(figure, form);
   Script script(output, layout.width, layout.height);
-  if (!figure.title.empty()) script.title(figure.title, to_the_left, 24.0, 14);
+  if (!figure.title.empty()) {
+    script.title(figure.title, layout.columns.front().margin, 24.0, 14);
+  }
   for (const Column& column : layout.columns) draw(column, layout, script);
   script.line("unset multiplot");
   return std::move(script).text();

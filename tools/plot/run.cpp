@@ -92,6 +92,9 @@ int run_plot(const PlotRun& run, const CommonOptions& common, nlohmann::ordered_
     if (is_scene(text)) continue;
     const std::filesystem::path file = file_of(text);
     tables.push_back(read_table(text));
+    if (tables.back().kind == TableKind::predictions) {
+      throw UsageError(text + " holds predictions, which plot does not draw; report does");
+    }
     if (const auto& damage = tables.back().damage) {
       note_damage(file, *damage, report);
       whole = false;

@@ -1,13 +1,33 @@
 #include "tools/view/drawn_machine.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "sprag/beam.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag::view {
 namespace {
 
 constexpr int beam_places = 64;
+constexpr Eigen::Index longest_chain = 12;
+
+// Outputs that are displacements.
+std::vector<const Output*> displacements(const Model& model) {
+  std::vector<const Output*> result;
+  for (const Output& output : model.outputs) {
+    if (!output.velocity && !output.direction.isZero(0.0)) result.push_back(&output);
+  }
+  return result;
+}
+
+// s of w = s d; 0 if they are not parallel.
+double multiple(const Eigen::VectorXd& w, const Eigen::VectorXd& d) {
+  const double s = w.dot(d) / d.squaredNorm();
+  return (w - s * d).norm() <= 1e-9 * w.norm() ? s : 0.0;
+}
 
 // Ground motion e(t) of a beam: that of its first moving support, with the sign turned to heights;
 // zero if no support moves.
@@ -23,10 +43,31 @@ Harmonic ground_of(const Scene& scene, const std::vector<DrawnStop>& stops) {
 
 }  // namespace
 
-DrawnMachine::DrawnMachine(const Scene& scene)
-    : beam_(scene.beam.has_value()), contacts_(scene.model.contacts) {
+std::optional<double> longest_period(const Model& model) {
+  double slowest = std::numeric_limits<double>::infinity();
+  const auto take = [&slowest](const Harmonic& harmonic) {
+    if (harmonic.amplitude != 0.0 && harmonic.frequency > 0.0) {
+      slowest = std::min(slowest, harmonic.frequency);
+    }
+  };
+  for (const Force& force : model.forces) take(force.harmonic);
+  for (const Contact& contact : model.contacts) take(contact.motion);
+  if (std::isinf(slowest)) {
+    // Squares below the rounding of the largest belong to rigid-body motion.
+    const Eigen::VectorXd squares = eigenpairs(model.K, model.M).values;
+    const double least = 1e-12 * squares.cwiseAbs().maxCoeff();
+    for (const double square : squares) {
+      if (square > least) slowest = std::min(slowest, std::sqrt(square));
+    }
+  }
+  if (std::isinf(slowest)) return std::nullopt;
+  return 2.0 * std::numbers::pi / slowest;
+}
+
+DrawnMachine::DrawnMachine(const Scene& scene) : contacts_(scene.model.contacts) {
   const Eigen::Index f = scene.model.coordinates();
-  if (beam_) {
+  if (scene.beam) {
+    kind_ = Kind::beam;
     shapes_.resize(beam_places + 1, f);
     for (int i = 0; i <= beam_places; ++i) {
       const double x = scene.beam->length * i / beam_places;
@@ -42,8 +83,47 @@ DrawnMachine::DrawnMachine(const Scene& scene)
     base_ = ground_of(scene, stops_);
     return;
   }
-  shapes_ = Eigen::MatrixXd::Identity(f, f);
-  for (Eigen::Index i = 0; i < f; ++i) places_.push_back(static_cast<double>(i + 1));
+  const std::size_t outputs = displacements(scene.model).size();
+  if (outputs >= 2 || (outputs == 1 && f > longest_chain)) {
+    draw_nodes(scene);
+  } else {
+    shapes_ = Eigen::MatrixXd::Identity(f, f);
+    draw_chain();
+  }
+}
+
+void DrawnMachine::draw_nodes(const Scene& scene) {
+  kind_ = Kind::nodes;
+  std::vector<Eigen::VectorXd> directions;
+  for (const Output* output : displacements(scene.model)) {
+    directions.push_back(output->direction);
+    names_.push_back(output->name);
+  }
+  for (std::size_t i = 0; i < contacts_.size(); ++i) {
+    const Eigen::VectorXd& w = contacts_[i].w;
+    const auto node = std::find_if(directions.begin(), directions.end(),
+                                   [&](const auto& d) { return multiple(w, d) != 0.0; });
+    const auto at = static_cast<std::size_t>(node - directions.begin());
+    if (node == directions.end()) {
+      directions.push_back(w);
+      names_.push_back(std::string("contact ").append(std::to_string(i + 1)));
+    }
+    const double weight = multiple(w, directions[at]);
+    stops_.push_back({static_cast<double>(at + 1), weight > 0.0 ? -1 : 1, {}, true});
+    weight_.push_back(weight);
+  }
+  shapes_.resize(std::ssize(directions), scene.model.coordinates());
+  for (std::size_t k = 0; k < directions.size(); ++k) {
+    shapes_.row(static_cast<Eigen::Index>(k)) = directions[k].transpose();
+    places_.push_back(static_cast<double>(k + 1));
+  }
+}
+
+void DrawnMachine::draw_chain() {
+  for (Eigen::Index i = 0; i < shapes_.rows(); ++i) {
+    places_.push_back(static_cast<double>(i + 1));
+    names_.push_back(std::string("q").append(std::to_string(i + 1)));
+  }
   for (const Contact& contact : contacts_) {
     // The contact is drawn between the two coordinates with the largest entries of w.
     Eigen::Index first = 0;

@@ -1,6 +1,9 @@
 // Drawing of a scene's machine: its shape as heights at fixed places across the picture, and its
 // stops as heights that the shape must not pass. A beam is drawn as its deflection along its
-// length, a general system as a chain of its coordinates.
+// length. A general system is drawn by its nodes, if its outputs name at least two displacements,
+// or one and it has more coordinates than a chain shows well: a node for each such output and for
+// each contact at none of them. Rotations of a finite-element model then share no axis with
+// displacements. Any other system is drawn as a chain of its coordinates.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,13 +24,22 @@ struct DrawnStop {
   bool has_height = true;
 };
 
+/// The longest period of a machine's excitation; without one, of its undamped vibration [s].
+/// Nullopt if nothing vibrates.
+std::optional<double> longest_period(const Model& model);
+
 class DrawnMachine {
  public:
   explicit DrawnMachine(const Scene& scene);
 
-  bool is_beam() const { return beam_; }
-  /// Beam: x [m], from 0 to its length. Chain: 1, 2, ..., f.
+  enum class Kind { beam, nodes, chain };
+
+  Kind kind() const { return kind_; }
+  bool is_beam() const { return kind_ == Kind::beam; }
+  /// Beam: x [m], from 0 to its length. Else the numbers of nodes or coordinates, from 1.
   const std::vector<double>& places() const { return places_; }
+  /// Names of the places; empty for a beam.
+  const std::vector<std::string>& names() const { return names_; }
   const std::vector<DrawnStop>& stops() const { return stops_; }
 
   /// Height of the ground motion e(t), which is added to all heights. A beam with a moving support
@@ -43,9 +55,13 @@ class DrawnMachine {
   double stop(std::size_t contact, double t) const;
 
  private:
-  bool beam_;
+  void draw_nodes(const Scene& scene);
+  void draw_chain();
+
+  Kind kind_ = Kind::chain;
   Eigen::MatrixXd shapes_;  // places x f
   std::vector<double> places_;
+  std::vector<std::string> names_;
   std::vector<DrawnStop> stops_;
   std::vector<Contact> contacts_;
   std::vector<double> weight_;  // derivative of a gap with respect to the height of the shape

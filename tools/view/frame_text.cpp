@@ -1,5 +1,6 @@
 #include "tools/view/frame_text.h"
 
+#include <array>
 #include <cmath>
 
 namespace sprag::view {
@@ -93,10 +94,15 @@ void put_scene(const Watch& watch, std::optional<double> speed, JsonText& to) {
   const DrawnMachine& machine = watch.machine();
   to.open('{');
   to.member("name", std::string_view(scene.name));
-  to.member("machine", machine.is_beam() ? "beam" : "chain");
+  constexpr std::array kinds{"beam", "nodes", "chain"};
+  to.member("machine", kinds[static_cast<std::size_t>(machine.kind())]);
   to.member("coordinates", std::int64_t{scene.model.coordinates()});
   to.key("places");
   to.drawn(machine.places());
+  to.key("names");
+  to.open('[');
+  for (const std::string& name : machine.names()) to.value(std::string_view(name));
+  to.close(']');
   to.key("stops");
   to.open('[');
   for (const DrawnStop& stop : machine.stops()) {
@@ -116,6 +122,7 @@ void put_scene(const Watch& watch, std::optional<double> speed, JsonText& to) {
     to.close('}');
   }
   to.close(']');
+  to.member("period", longest_period(scene.model));
   to.member("replay", speed.has_value());
   to.member("speed", speed);
   to.close('}');

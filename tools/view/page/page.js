@@ -4,7 +4,9 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const windows = [-3, -2, -1, 0, 1, 2, 3, 4].flatMap((k) => [1, 2, 5].map((n) => Number(n + "e" + k)));
-  const usualWindow = 20; // s of wall time
+  const usualWindow = 20; // s of wall time, of a machine without a period
+  const usualPeriods = 30;
+  const leastWindow = 2, mostWindow = 60; // s of wall time
   const longestPause = 5000; // ms between attempts to connect
   const silence = 6000; // ms without a message: the connection is dead
   const flash = 180; // ms for which an impact highlights its stop
@@ -113,10 +115,13 @@
     else Object.assign(said, { from: view.from, to: view.to });
     send({ view: said });
   }
-  // Until the user selects a length, the window spans about usualWindow of wall time at any speed.
+  // Until the user selects a length, the window spans some periods of the machine, in bounds of wall time at any speed.
   let chosen = false;
   function fitWindow(speed) {
-    const wanted = usualWindow * (speed === null ? 10 : speed);
+    const pace = speed === null ? 10 : speed;
+    const period = sprag.scene && sprag.scene.period;
+    const wanted = period
+      ? Math.min(Math.max(usualPeriods * period, leastWindow * pace), mostWindow * pace) : usualWindow * pace;
     const off = (length) => Math.abs(Math.log(length / wanted));
     const length = windows.reduce((best, each) => (off(each) < off(best) ? each : best));
     if (chosen || length === sprag.view.window) return;
@@ -303,7 +308,7 @@
     c.font = "12px DejaVu Sans, Verdana, sans-serif";
     if (!beam && few) {
       c.textAlign = "center";
-      xs.forEach((x, i) => c.fillText("q" + (i + 1), x, 14));
+      xs.forEach((x, i) => c.fillText(scene.names[i], x, 14, (width - left - right) / places.length - 4));
     }
     c.textAlign = "right";
     c.fillText("± " + short(range), width - 4, height - 6);

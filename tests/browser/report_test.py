@@ -1,0 +1,90 @@
+"""The page of `report` in a real browser: on a desktop, on a phone and in print."""
+
+import base64
+import os
+import re
+import subprocess
+
+from support import BrowserCase, Page, main, scene
+
+WIDE = "Math.max(document.documentElement.scrollWidth, document.body.scrollWidth)"
+# Texts of a picture, in pixels of the screen: the title of an axis and a number must not overlap.
+TEXTS = """[...document.querySelectorAll('figure')].map((figure) => [...figure.querySelectorAll('svg text')].map((text) => {
+  const box = text.getBoundingClientRect();
+  return [text.textContent.trim(), box.left, box.top, box.right, box.bottom];
+}).filter((text) => text[0] !== ''))"""
+LOADED = "performance.getEntriesByType('resource').map((entry) => entry.name)"
+
+
+class ReportTest(BrowserCase):
+    def setUp(self):
+        super().setUp()
+        for program, *arguments in (
+                ("MASTER_SIM", scene("two_stops_beam"), "--duration", "3", "--speed", "max", "--no-lcm",
+                 "--events", self.file("events.csv"), "--states", self.file("machine.csv")),
+                ("OBSERVER", scene("two_stops_beam"), "--duration", "3", "--replay", self.file("events.csv"),
+                 "--states", self.file("states.csv"), "--impacts", self.file("impacts.csv"),
+                 "--report", self.file("observer.json")),
+                ("SYNC_LOGGER", scene("two_stops_beam"), "--truth", self.file("machine.csv"),
+                 "--estimate", self.file("states.csv"), "--csv", self.file("V.csv")),
+                ("IDENTIFY", self.file("events.csv"), scene("two_stops_beam"), "--free",
+                 "contact.1.restitution,beam.damping,contact.2.clearance", "--report", self.file("identify.json")),
+                ("REPORT", scene("two_stops_beam"), "--output", self.file("report.html"),
+                 *(self.file(name) for name in ("events.csv", "machine.csv", "states.csv", "impacts.csv", "V.csv",
+                                                "observer.json", "identify.json")))):
+            ended = subprocess.run([os.environ[program], *arguments], capture_output=True, text=True)
+            self.assertEqual(ended.returncode, 0, ended.stderr)
+
+    def shown(self, width, height):
+        page = Page(width, height)
+        self.addCleanup(page.close)
+        page.cdp("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
+                 mobile=width < 600)
+        page.driver.get("file://" + self.file("report.html"))
+        return page
+
+    def check(self, page, width):
+        self.assertEqual(page.complaints(), [])
+        self.assertEqual(page.js(LOADED), [])
+        self.assertLessEqual(page.js(WIDE), width, "only tables and pictures scroll, not the page")
+        self.assertEqual(page.js("document.querySelectorAll('.verdict').length"), 2)
+        boxes = page.js("""[...document.querySelectorAll('figure svg')].map((svg) => {
+            const box = svg.getBoundingClientRect(); return [box.width, box.height]; })""")
+        self.assertGreaterEqual(len(boxes), 5)
+        for across, high in boxes:
+            self.assertGreaterEqual(across, 500)
+            self.assertGreaterEqual(high, 100)
+
+    def test_desktop(self):
+        page = self.shown(1280, 900)
+        self.check(page, 1280)
+        # Numbers, titles of axes and legends do not overlap.
+        for texts in page.js(TEXTS):
+            for i, (text, left, top, right, bottom) in enumerate(texts):
+                for other, left2, top2, right2, bottom2 in texts[:i]:
+                    across = min(right, right2) - max(left, left2)
+                    down = min(bottom, bottom2) - max(top, top2)
+                    self.assertFalse(across > 2 and down > 4, f"{text!r} overlaps {other!r}")
+
+    def test_phone(self):
+        page = self.shown(390, 800)
+        self.check(page, 390)
+        font = float(page.js("getComputedStyle(document.body).fontSize").removesuffix("px"))
+        self.assertGreaterEqual(font, 14)
+        scrolling = page.js("""[...document.querySelectorAll('.scroll')].filter(
+            (part) => part.scrollWidth > part.clientWidth).length""")
+        self.assertGreater(scrolling, 0)
+
+    def test_print(self):
+        page = self.shown(1280, 900)
+        pdf = base64.b64decode(page.cdp("Page.printToPDF", preferCSSPageSize=True)["data"])
+        pages = len(re.findall(rb"/Type\s*/Page\b", pdf))
+        self.assertGreaterEqual(pages, 2)
+        self.assertLessEqual(pages, 12)
+        page.cdp("Emulation.setEmulatedMedia", media="print")
+        page.cdp("Emulation.setDeviceMetricsOverride", width=680, height=960, deviceScaleFactor=1, mobile=False)
+        self.assertLessEqual(page.js(WIDE), 680, "nothing is cut off in print")
+
+
+if __name__ == "__main__":
+    main()
