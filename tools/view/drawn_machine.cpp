@@ -42,9 +42,12 @@ DrawnMachine::DrawnMachine(const Scene& scene)
     base_ = ground_of(scene, stops_);
     return;
   }
-  shapes_ = Eigen::MatrixXd::Identity(f, f);
-  for (Eigen::Index i = 0; i < f; ++i) places_.push_back(static_cast<double>(i + 1));
-  for (const Contact& contact : contacts_) {
+  // A scene that keeps some modes is drawn by the coordinates of its file.
+  shapes_ = scene.kept ? scene.kept->Phi : Eigen::MatrixXd(Eigen::MatrixXd::Identity(f, f));
+  for (Eigen::Index i = 0; i < shapes_.rows(); ++i) places_.push_back(static_cast<double>(i + 1));
+  for (std::size_t i = 0; i < contacts_.size(); ++i) {
+    Contact contact = contacts_[i];
+    if (scene.kept) contact.w = scene.kept->given_w[i];
     // The contact is drawn between the two coordinates with the largest entries of w.
     Eigen::Index first = 0;
     contact.w.cwiseAbs().maxCoeff(&first);
