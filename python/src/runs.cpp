@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -105,24 +104,6 @@ std::map<std::string, std::int64_t> skipped_by_reason(const EventCounts& counts)
           {"contradicting", counts.of(Skip::contradicting)}};
 }
 
-struct InconsistencyRow {
-  double t;
-  std::int32_t contact;
-  char reason[16];
-  double square;
-};
-
-py::array inconsistencies_of(const std::vector<Inconsistency>& all) {
-  std::vector<InconsistencyRow> rows;
-  for (const Inconsistency& of : all) {
-    InconsistencyRow row{of.t, of.contact + 1, {}, of.square};
-    std::snprintf(row.reason, sizeof row.reason, "%s", name(of.suspicion));
-    rows.push_back(row);
-  }
-  return read_only(
-      py::array_t<InconsistencyRow>(static_cast<py::ssize_t>(rows.size()), rows.data()));
-}
-
 template <typename Result, typename Member>
 auto array_property(Member Result::*member) {
   return
@@ -172,7 +153,20 @@ void bind_simulation(py::module_& module) {
 }
 
 void bind_estimates(py::module_& module) {
-  PYBIND11_NUMPY_DTYPE(InconsistencyRow, t, contact, reason, square);
+  py::class_<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
+      .def_readonly("t", &Inconsistency::t, "[s]")
+      .def_property_readonly(
+          "contact", [](const Inconsistency& of) { return of.contact + 1; }, "From 1.")
+      .def_property_readonly(
+          "reason", [](const Inconsistency& of) { return name(of.suspicion); },
+          "Likely cause: 'model' (model, uncertainty or event times are wrong), 'spurious event' "
+          "or 'missing event'.")
+      .def_readonly("square", &Inconsistency::square, "Normalized innovation squared.")
+      .def("__repr__", [](const Inconsistency& of) {
+        return "<sprag.Inconsistency t = " + std::to_string(of.t) + ", contact " +
+               std::to_string(of.contact + 1) + ": " + name(of.suspicion) + ">";
+      });
+
   py::class_<Estimates>(module, "Estimates",
                         "An observer's estimates of many ticks. All arrays are read-only views; "
                         "row k is tick k. Sigmas have no columns without a timing filter.")
@@ -233,13 +227,9 @@ void bind_estimates(py::module_& module) {
       .def_property_readonly(
           "skipped_by_reason", [](const Estimates& all) { return skipped_by_reason(all.counts); },
           "The same by reason: 'backwards', 'beyond_horizon', 'unknown_contact', 'contradicting'.")
-      .def_property_readonly(
-          "inconsistencies",
-          [](const Estimates& all) { return inconsistencies_of(all.inconsistencies); },
-          "Events that the filter refused, in order of time: an array with the fields t [s], "
-          "contact (from 1), reason (b'model', b'spurious event' or b'missing event': the likely "
-          "cause) and square (normalized innovation squared). Of several between two ticks the "
-          "last one.");
+      .def_readonly("inconsistencies", &Estimates::inconsistencies,
+                    "Events that the filter refused, in order of time: a list of Inconsistency. Of "
+                    "several between two ticks the last one.");
 
   module.def(
       "observe",
@@ -310,11 +300,11 @@ void bind_observer(py::module_& module) {
                     "Number of events so far that the filter has refused.")
       .def_property_readonly(
           "inconsistency",
-          [](const Estimate& estimate) -> std::optional<std::string> {
+          [](const Estimate& estimate) -> std::optional<Inconsistency> {
             if (estimate.inconsistencies == 0) return std::nullopt;
-            return name(estimate.last.suspicion);
+            return estimate.last;
           },
-          "Likely cause of the last of them: 'model', 'spurious event' or 'missing event'; None.");
+          "The last of them; None: none.");
 
   py::class_<SharedObserver>(
       module, "Observer",
