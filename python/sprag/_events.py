@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import collections.abc
 import enum
 import os
-from collections.abc import Mapping
 from typing import Union
 
 import numpy as np
@@ -31,7 +31,7 @@ def pulses(t: npt.ArrayLike, contact: int = 1) -> npt.NDArray[np.void]:
     return events
 
 
-_Columns = Union[str, Mapping[int, str], None]
+_Columns = Union[str, collections.abc.Mapping[int, str], None]
 
 
 def _by_contact(columns: _Columns) -> dict[int, str]:
@@ -63,7 +63,15 @@ def import_events(
     out. Cells that cannot be used are left out with a RuntimeWarning. Levels and the logs of loggers
     are read by the program `sprag import_events`. Raises InputError or ValueError.
     """
-    columns = [_by_contact(of) for of in (impacts, on, off)]
     return _import_events(
-        file, scene, *columns, unit, offset, debounce, pulse_shorter_than, duration
+        file,
+        scene,
+        _by_contact(impacts),
+        _by_contact(on),
+        _by_contact(off),
+        unit,
+        offset,
+        debounce,
+        pulse_shorter_than,
+        duration,
     )

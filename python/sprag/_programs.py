@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import collections.abc
 import json
 import os
 import pathlib
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,8 @@ def _command() -> str:
 
 
 def _run(*arguments: str | os.PathLike[str]) -> str:
-    done = subprocess.run(
-        [_command(), *map(os.fspath, arguments)], capture_output=True, text=True, check=False
-    )
+    command = [_command(), *(str(argument) for argument in arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode == 2:
         raise InputError(done.stderr.strip())
     if done.returncode != 0:
@@ -88,7 +87,7 @@ def tolerance(
     duration: float | None = None,
     jitter: float | None = None,
     runs: int | None = None,
-    estimators: Sequence[str] = (),
+    estimators: collections.abc.Sequence[str] = (),
     jobs: int | None = None,
 ) -> Tolerances:
     """Finds the tolerances of a scene by the program `sprag tolerance`.
