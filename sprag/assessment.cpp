@@ -383,6 +383,33 @@ std::string corrected(const Accuracy& found) {
          " coordinates, and it changes by " + readable(found.change);
 }
 
+// Keys of a [system] for the smallest sufficient number of coordinates.
+std::string keys_of(const Accuracy& found) {
+  const Reduction& fewest = found.fewest;
+  std::string keys = "system.modes = " + std::to_string(fewest.modes);
+  if (!fewest.static_vectors.empty()) {
+    keys += ", system.static_vectors = [";
+    for (const int j : fewest.static_vectors) {
+      keys += (j != fewest.static_vectors.front() ? ", " : "") + std::to_string(j);
+    }
+    keys += "]";
+    if (fewest.least_zeta > 0.0) {
+      keys += ", system.static_damping_ratio = " + readable(fewest.least_zeta);
+    }
+  }
+  if (fewest.share) {
+    keys += ", replica.restitution = ";
+    const std::vector<Contact>& contacts = fewest.machine.model.contacts;
+    if (contacts.size() > 1) keys += "[";
+    for (const Contact& contact : contacts) {
+      keys +=
+          (&contact != &contacts.front() ? ", " : "") + readable(restitution_of_replica(contact));
+    }
+    if (contacts.size() > 1) keys += "]";
+  }
+  return keys;
+}
+
 double trial_duration(const Scene& scene, const Dynamics& dynamics, const Assessment& a) {
   double slowest = std::numeric_limits<double>::infinity();
   for (const Mode& mode : a.modes) {
@@ -511,6 +538,9 @@ void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& li
           ", with " + std::to_string(change.modes) + " it changes by " + readable(change.change);
     }
     if (found.coordinates() < found.modes) finding.what += "; " + corrected(found);
+    if (!scene.beam && !scene.kept && found.coordinates() < a.coordinates) {
+      finding.what += "; the scene keeps these with " + keys_of(found);
+    }
   } catch (const ModelError& error) {
     finding.what = error.what();
   } catch (const SimulationError& error) {

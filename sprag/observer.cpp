@@ -215,6 +215,8 @@ class Observer::Core {
     estimate.bound_gap = confidence_.bound_g;
     estimate.bound_outputs = confidence_.bound_outputs;
     estimate.parameters = confidence_.parameters;
+    estimate.inconsistencies = confidence_.inconsistencies;
+    estimate.last = confidence_.last;
     return estimate;
   }
 
@@ -283,6 +285,7 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
   // In pieces, to limit the memory of estimates held twice.
   constexpr Eigen::Index piece = 4096;
   Eigen::Index last = -1;
+  std::int64_t inconsistencies = 0;
   for (Eigen::Index k = 0; k < n;) {
     check_interrupt();
     last = std::min(last + piece, n - 1);
@@ -305,6 +308,10 @@ Estimates observe(Observer observer, std::span<const ContactEvent> events, doubl
       all.bound_outputs.row(k) = estimate.bound_outputs;
       all.of_filter[static_cast<std::size_t>(k)] = estimate.of_filter ? 1 : 0;
       all.penetrating[static_cast<std::size_t>(k)] = estimate.penetrating ? 1 : 0;
+      if (estimate.inconsistencies > inconsistencies) {
+        all.inconsistencies.push_back(estimate.last);
+        inconsistencies = estimate.inconsistencies;
+      }
       ++k;
     }
   }

@@ -54,6 +54,8 @@ struct Estimate {
   Eigen::VectorXd bound_q, bound_gap, bound_outputs;
   /// \brief Parameters that an adaptive observer has identified; empty for others.
   ParameterEstimates parameters;
+  std::int64_t inconsistencies = 0;  ///< number of events so far that the filter's gate has refused
+  Inconsistency last;                ///< the last of them
 };
 
 /// \brief Settings of an observer.
@@ -145,6 +147,9 @@ struct Estimates {
   std::vector<std::string> keys;
   Rows parameters, sigma_parameters;  ///< n x P; sigma is infinite until a value is found
   EventCounts counts;                 ///< events taken and skipped
+  /// \brief Events that the filter's gate has refused, in order of time; of several between two
+  /// ticks the last one.
+  std::vector<Inconsistency> inconsistencies;
 };
 
 /// \brief Settled estimates of a recording, as from `observer --replay`.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
@@ -15,8 +16,11 @@ using Eigen::VectorXd;
 
 // Coupling of modes by damping below this share is rounding.
 constexpr double uncoupled = 1e-9;
+// The same as a share of the largest entry of C.
+constexpr double rounded_sum = 1e-13;
+constexpr double rounded_entry = 1e-15;
 // The same for damping computed in extended precision.
-constexpr Extended rounded = 1e-15L;
+constexpr Extended rounding_of_products = 1e-15L;
 // A vector with a smaller remainder after orthogonalization depends on those before it.
 constexpr Extended dependent = 1e-10L;
 
@@ -77,6 +81,53 @@ MatrixR static_vectors(const ModalMachine& machine, const std::vector<Index>& ke
   MatrixR B(m.size(), static_cast<Index>(basis.size()));
   for (Index i = 0; i < B.cols(); ++i) B.col(i) = basis[static_cast<std::size_t>(i)];
   return B;
+}
+
+// The static vectors in modes of their own, so that K stays diagonal.
+struct StaticModes {
+  VectorR kappa;
+  MatrixR B;
+};
+
+StaticModes static_modes(const ModalMachine& machine, const std::vector<Index>& kept,
+                         std::span<const int> orders) {
+  StaticModes modes{VectorR(0), static_vectors(machine, kept, orders)};
+  if (modes.B.cols() == 0) return modes;
+  const MatrixR K = machine.model.K.cast<Extended>();
+  const auto [kappa, V] = eigenpairs(congruent(modes.B, K));
+  modes.kappa = kappa;
+  modes.B = product(modes.B, V);
+  return modes;
+}
+
+// The sign of an eigenvector depends on the solver. Programs of different builds must agree on the
+// coordinates: the first entry that has the largest magnitude, up to rounding, is positive.
+void fix_signs(MatrixXd& Phi) {
+  for (Index i = 0; i < Phi.cols(); ++i) {
+    const double largest = Phi.col(i).cwiseAbs().maxCoeff();
+    for (Index j = 0; j < Phi.rows(); ++j) {
+      if (std::abs(Phi(j, i)) < (1.0 - 1e-6) * largest) continue;
+      if (Phi(j, i) < 0.0) Phi.col(i) *= -1.0;
+      break;
+    }
+  }
+}
+
+// Couplings and damping that are rounding become 0.
+void remove_rounding(MatrixXd& C) {
+  const double largest = C.cwiseAbs().maxCoeff();
+  for (Index i = 0; i < C.rows(); ++i) {
+    if (C(i, i) > rounded_entry * largest) continue;
+    C.row(i).setZero();
+    C.col(i).setZero();
+  }
+  for (Index i = 0; i < C.rows(); ++i) {
+    for (Index j = 0; j < C.cols(); ++j) {
+      const double limit =
+          std::max(uncoupled * std::sqrt(std::abs(C(i, i) * C(j, j))), rounded_sum * largest);
+      if (i != j && std::abs(C(i, j)) <= limit) C(i, j) = 0.0;
+    }
+  }
 }
 
 MatrixXd block_diagonal(const MatrixXd& first, const MatrixXd& second) {
@@ -151,12 +202,8 @@ ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept
 ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<Index>& kept,
                                  std::span<const int> orders, double least_zeta) {
   ModalMachine part = reduced(machine, kept);
-  MatrixR B = static_vectors(machine, kept, orders);
+  const auto [kappa, B] = static_modes(machine, kept, orders);
   if (B.cols() == 0) return part;
-  // Transforms them to their own modes, so that K stays diagonal.
-  const MatrixR K = machine.model.K.cast<Extended>();
-  const auto [kappa, V] = eigenpairs(congruent(B, K));
-  B = product(B, V);
   MatrixR C = congruent(B, machine.model.C.cast<Extended>());
   C = MatrixR(C + C.transpose()) / 2;
   for (Index i = 0; i < C.rows(); ++i) {
@@ -164,7 +211,8 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
   }
   for (Index i = 0; i < C.rows(); ++i) {
     for (Index j = 0; j < C.rows(); ++j) {
-      if (i != j && std::abs(C(i, j)) <= rounded * std::sqrt(C(i, i) * C(j, j))) C(i, j) = 0;
+      if (i != j && std::abs(C(i, j)) <= rounding_of_products * std::sqrt(C(i, i) * C(j, j)))
+        C(i, j) = 0;
     }
   }
   const MatrixXd Bd = B.cast<double>();
@@ -227,6 +275,67 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   part.truth.release_penetration =
       scene.truth.release_penetration || starts_inside(part.model, part.truth.start);
   return part;
+}
+
+KeptModes kept_modes(const Model& model, int modes, const StaticVectors& vectors) {
+  const auto [values, Phi] = eigenpairs(model.K, model.M);
+  const Index N = Phi.rows();
+  // Rounding gives a rigid motion a small stiffness of either sign.
+  const double rigid = static_cast<double>(N) * std::numeric_limits<double>::epsilon() *
+                       values.cwiseAbs().maxCoeff();
+  const VectorXd kappa = (values.array() > rigid).select(values.array(), 0.0);
+  KeptModes kept{.modes = modes,
+                 .Phi = Phi.leftCols(modes),
+                 .to_kept = {},
+                 .stiffness = kappa.head(modes),
+                 .C = model.C,
+                 .K = model.K,
+                 .given_w = {}};
+  for (const Contact& contact : model.contacts) kept.given_w.push_back(contact.w);
+  if (!vectors.orders.empty()) {
+    ModalMachine machine;
+    machine.model.M = MatrixXd::Identity(N, N);
+    machine.model.K = kappa.asDiagonal();
+    for (const Contact& contact : model.contacts) {
+      machine.model.contacts.push_back({.w = Phi.transpose() * contact.w, .motion = {}});
+    }
+    std::vector<Index> first(static_cast<std::size_t>(modes));
+    std::iota(first.begin(), first.end(), Index{0});
+    const auto [of_vectors, B] = static_modes(machine, first, vectors.orders);
+    kept.Phi.conservativeResize(N, modes + B.cols());
+    kept.Phi.rightCols(B.cols()) = Phi * B.cast<double>();
+    kept.stiffness = joined(kept.stiffness, of_vectors.cast<double>());
+  }
+  fix_signs(kept.Phi);
+  kept.to_kept = kept.Phi.transpose() * model.M;
+  return kept;
+}
+
+Model projected(const Model& model, const KeptModes& kept, double least_zeta) {
+  const MatrixXd& Phi = kept.Phi;
+  const Index f = Phi.cols();
+  Model part = model;
+  part.M = MatrixXd::Identity(f, f);
+  part.K = kept.stiffness.asDiagonal();
+  part.C = congruent(Phi, model.C);
+  part.C = MatrixXd(part.C + part.C.transpose()) / 2.0;
+  part.C.diagonal() = part.C.diagonal().cwiseMax(0.0).eval();
+  for (Index i = kept.modes; i < f; ++i) {
+    part.C(i, i) = std::max(part.C(i, i), 2.0 * least_zeta * std::sqrt(part.K(i, i)));
+  }
+  remove_rounding(part.C);
+  for (Force& force : part.forces) force.direction = Phi.transpose() * force.direction;
+  for (Contact& contact : part.contacts) contact.w = Phi.transpose() * contact.w;
+  for (Output& output : part.outputs) output.direction = Phi.transpose() * output.direction;
+  return part;
+}
+
+State projected(const State& state, const KeptModes& kept) {
+  return {kept.to_kept * state.q, kept.to_kept * state.u};
+}
+
+State expanded(const State& state, const KeptModes& kept) {
+  return {kept.Phi * state.q, kept.Phi * state.u};
 }
 
 std::vector<Index> by_frequency(const ModalMachine& machine) {

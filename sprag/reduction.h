@@ -77,6 +77,43 @@ void set_impulse_share(double x, Model& model);
 /// \throws ModelError if the direction of a contact is zero in the kept coordinates.
 Scene reduced_scene(const Scene& scene, const ModalMachine& machine);
 
+/// \brief Static vectors that a scene appends to its kept modes.
+struct StaticVectors {
+  std::vector<int> orders;  ///< the numbers j of b_j, ascending; empty: none
+  double least_zeta = 0.0;  ///< smallest damping ratio of the static vectors, >= 0
+};
+
+/// \brief Finds the first modes of a machine, and static vectors of its contacts.
+///
+/// Damping may couple the modes. The sign of each column is such that its largest entry is
+/// positive. \param model the machine, N coordinates. \param modes number of modes to keep, by
+/// ascending frequency, in [1, N]. \param vectors static vectors to append. A vector that depends
+/// linearly on those before it is omitted. \return the coordinates, f = modes + number of static
+/// vectors. \throws ModelError if a motion without stiffness is omitted and some order is > 0.
+KeptModes kept_modes(const Model& model, int modes, const StaticVectors& vectors = {});
+
+/// \brief Projects a machine to its kept modes: M = 1, K diagonal, C = Phi^T C Phi.
+///
+/// Clearances and motions of supports keep their values, so that gaps, forces and outputs are those
+/// of the given coordinates q_given = Phi q.
+/// \param model the machine, N coordinates.
+/// \param kept result of kept_modes() for this machine.
+/// \param least_zeta smallest damping ratio of the static vectors.
+/// \return the machine, f coordinates.
+Model projected(const Model& model, const KeptModes& kept, double least_zeta = 0.0);
+
+/// \brief Projects a state to the kept modes.
+/// \param state N entries each.
+/// \param kept the kept modes.
+/// \return the nearest state in the norm of M, f entries each.
+State projected(const State& state, const KeptModes& kept);
+
+/// \brief State in the given coordinates.
+/// \param state f entries each.
+/// \param kept the kept modes.
+/// \return Phi q and Phi u, N entries each.
+State expanded(const State& state, const KeptModes& kept);
+
 /// \brief Order of the coordinates by ascending frequency.
 /// \param machine the machine.
 /// \return numbers of all coordinates.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -55,6 +56,23 @@ Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame);
 /// \return s(t) = w^T r e(t).
 Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame);
 
+/// \brief Coordinates of a [system] that keeps some of its modes (system.modes).
+///
+/// The file gives N coordinates, and the model has f <= N: q_given = Phi q, and q = Phi^T M q_given
+/// is the nearest state in the norm of the given mass matrix M. See kept_modes() in reduction.h.
+struct KeptModes {
+  int modes = 0;  ///< number of kept modes; the other f - modes coordinates are static vectors
+  Eigen::MatrixXd Phi;        ///< N x f, Phi^T M Phi = 1
+  Eigen::MatrixXd to_kept;    ///< Phi^T M, f x N
+  Eigen::VectorXd stiffness;  ///< diagonal of Phi^T K Phi, f entries; 0 for a rigid motion
+  Eigen::MatrixXd C, K;       ///< as given, N x N
+  std::vector<Eigen::VectorXd> given_w;  ///< directions of the contacts as given, N entries each
+
+  /// \brief Number of the given coordinates.
+  /// \return N.
+  Eigen::Index given() const { return Phi.rows(); }
+};
+
 /// \brief Prior of the observer: its knowledge before the first event. f coordinates.
 struct Prior {
   State start;                      ///< mean of the start, padded with zeros to f entries
@@ -83,6 +101,9 @@ struct Scene {
   std::vector<double> positions;     ///< x_c of a beam's contacts [m]; empty without a beam
   std::optional<ShakenFrame> frame;  ///< set if a [system] has an [excitation]
   ContactClock clock;                ///< clock of the event times, [clock]
+  /// \brief Set if a [system] has the key `modes`: the coordinates of the model are then those of
+  /// KeptModes. Copies of the scene share it.
+  std::shared_ptr<const KeptModes> kept = {};
   Prior prior;                       ///< knowledge of the observer
   Truth truth;                       ///< start of the master
   std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each

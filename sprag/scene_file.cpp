@@ -20,11 +20,13 @@
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/energy.h"
+#include "sprag/reduction.h"
 
 namespace sprag {
 namespace {
 
 constexpr std::size_t max_outputs = 200;
+constexpr int largest_order = 3;                               // of static vectors
 constexpr std::size_t largest_scene = std::size_t{64} << 20U;  // [bytes]
 
 // amplitude and frequency are required, phase is optional.
@@ -254,7 +256,94 @@ Contact read_system_contact(const TomlTable& table, int number, Eigen::Index f,
   return contact;
 }
 
-std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table, Scene& scene) {
+// Damping ratios of the kept modes alone do not determine C of all coordinates, which stays 0 until
+// keep_modes(). Empty: C is given.
+Eigen::VectorXd read_system_damping(const TomlTable& table, Model& model) {
+  const Eigen::Index f = model.M.rows();
+  if (const char* key = damping_ratio_key(table)) {
+    if (table.has("modes") && !table.has("static_vectors")) {
+      const auto modes = table.integer("modes", 1, static_cast<int>(f));
+      if (table.numbers(key).size() == modes && modes < f) {
+        model.C = Eigen::MatrixXd::Zero(f, f);
+        return read_damping_ratio(table, key, {"C", "rayleigh"}, modes);
+      }
+    }
+    model.C = damping_of_ratios(model, read_damping_ratio(table, key, {"C", "rayleigh"}, f));
+  } else if (const auto rayleigh = table.table("rayleigh", {"alpha", "beta"})) {
+    refuse_other(table, "rayleigh", {"C"});
+    model.C = rayleigh->number("alpha", not_negative) * model.M +
+              rayleigh->number("beta", not_negative) * model.K;
+  } else {
+    model.C = read_semidefinite(table, "C", f);
+  }
+  return {};
+}
+
+// Orders of static vectors, ascending.
+StaticVectors read_static_vectors(const TomlTable& table) {
+  StaticVectors vectors;
+  for (const char* key : {"static_vectors", "static_damping_ratio"}) {
+    if (table.has(key) && !table.has("modes")) {
+      table.fail(key, "needs system.modes; must go, or there must be system.modes");
+    }
+  }
+  if (!table.has("static_vectors")) {
+    if (table.has("static_damping_ratio")) {
+      table.fail("static_damping_ratio", "needs system.static_vectors; must go");
+    }
+    return vectors;
+  }
+  const Eigen::VectorXd orders = table.numbers("static_vectors");
+  for (Eigen::Index i = 0; i < orders.size(); ++i) {
+    if (orders[i] != std::floor(orders[i]) || orders[i] < 0.0 || orders[i] > largest_order ||
+        (i > 0 && orders[i] <= orders[i - 1])) {
+      table.fail("static_vectors", "has " + to_text(orders[i]) +
+                                       "; must be whole numbers from 0 to " +
+                                       std::to_string(largest_order) + ", ascending");
+    }
+    vectors.orders.push_back(static_cast<int>(orders[i]));
+  }
+  vectors.least_zeta = table.number_or("static_damping_ratio", 0.0, not_negative);
+  return vectors;
+}
+
+// Projects a [system] with the key `modes` to its kept modes. `ratios`: damping ratios of the kept
+// modes; empty: C is projected.
+void keep_modes(const TomlTable& table, const Eigen::VectorXd& ratios,
+                const std::vector<TomlTable>& contacts, Scene& scene) {
+  const StaticVectors vectors = read_static_vectors(table);
+  if (!table.has("modes")) return;
+  const auto N = static_cast<int>(scene.model.coordinates());
+  const int modes = table.integer("modes", 1, N);
+  auto kept = std::make_shared<KeptModes>();
+  try {
+    *kept = kept_modes(scene.model, modes, vectors);
+  } catch (const ModelError& error) {
+    table.fail(vectors.orders.empty() ? "modes" : "static_vectors",
+               std::string("is not possible: ") + error.what());
+  }
+  Model part = projected(scene.model, *kept, vectors.least_zeta);
+  if (ratios.size() > 0) {
+    part.C = Eigen::VectorXd(2.0 * ratios.cwiseProduct(kept->stiffness.cwiseSqrt())).asDiagonal();
+  }
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    // Rounding of the projection.
+    const double limit = 1e-13 * kept->Phi.cwiseAbs().maxCoeff() * kept->given_w[i].lpNorm<1>();
+    if (part.contacts[i].w.cwiseAbs().maxCoeff() > limit) continue;
+    contacts[i].fail("direction", "is zero in the first " + std::to_string(modes) +
+                                      " modes; must not be (keep more with system.modes, or set "
+                                      "system.static_vectors = [0])");
+  }
+  if (scene.frame) {
+    scene.frame->influence = kept->to_kept * scene.frame->influence;
+    part.forces[scene.frame->force] = frame_force(part.M, *scene.frame);
+  }
+  scene.model = std::move(part);
+  scene.kept = std::move(kept);
+}
+
+std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table, Scene& scene,
+                                   Eigen::VectorXd& ratios) {
   Model& model = scene.model;
   model.M = table.symmetric_matrix("M");
   const Definiteness signs = definiteness(model.M);
@@ -264,15 +353,7 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   }
   const Eigen::Index f = model.M.rows();
   model.K = read_semidefinite(table, "K", f);
-  if (const char* key = damping_ratio_key(table)) {
-    model.C = damping_of_ratios(model, read_damping_ratio(table, key, {"C", "rayleigh"}, f));
-  } else if (const auto rayleigh = table.table("rayleigh", {"alpha", "beta"})) {
-    refuse_other(table, "rayleigh", {"C"});
-    model.C = rayleigh->number("alpha", not_negative) * model.M +
-              rayleigh->number("beta", not_negative) * model.K;
-  } else {
-    model.C = read_semidefinite(table, "C", f);
-  }
+  ratios = read_system_damping(table, model);
   for (const TomlTable& force :
        root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase", "file",
                              "time", "force", "unit", "interpolation", "outside", "uncertainty"})) {
@@ -363,8 +444,11 @@ Eigen::VectorXd read_padded(const TomlTable& table, std::string_view key, Eigen:
   return padded;
 }
 
-State read_state(const TomlTable& table, Eigen::Index f) {
-  return {read_padded(table, "q", f), read_padded(table, "u", f)};
+// The start of the file's coordinates, projected if the scene keeps some modes only.
+State read_state(const TomlTable& table, const Scene& scene) {
+  const Eigen::Index given = scene.kept ? scene.kept->given() : scene.model.coordinates();
+  const State state{read_padded(table, "q", given), read_padded(table, "u", given)};
+  return scene.kept ? projected(state, *scene.kept) : state;
 }
 
 // Admits the rounding of q and c of a start on the support.
@@ -374,10 +458,17 @@ bool starts_inside(const Contact& contact, const Eigen::VectorXd& q) {
   return gap(contact, q, 0.0) < -1e-12 * scale;
 }
 
+// Whether master.q, in the file's coordinates, lies inside the support of contact i.
+bool starts_inside_as_given(const TomlTable& master, const Scene& scene, std::size_t i) {
+  Contact contact = scene.model.contacts[i];
+  contact.w = scene.kept->given_w[i];
+  return starts_inside(contact, read_padded(master, "q", scene.kept->given()));
+}
+
 void read_master(const TomlTable& root, Scene& scene) {
   const Model& model = scene.model;
   const auto table = root.table("master", {"q", "u", "penetration"});
-  scene.truth.start = table ? read_state(*table, model.coordinates())
+  scene.truth.start = table ? read_state(*table, scene)
                             : State{Eigen::VectorXd::Zero(model.coordinates()),
                                     Eigen::VectorXd::Zero(model.coordinates())};
   scene.truth.given = table.has_value();
@@ -386,6 +477,13 @@ void read_master(const TomlTable& root, Scene& scene) {
   if (scene.truth.release_penetration || !scene.truth.given) return;
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     if (!starts_inside(model.contacts[i], scene.truth.start.q)) continue;
+    if (scene.kept && !starts_inside_as_given(*table, scene, i)) {
+      scene.truth.release_penetration = true;
+      table->remark("q", "starts inside the support of contact " + std::to_string(i + 1) +
+                             " because modes are left out; the contact counts as closed until its "
+                             "gap rises through 0, as with master.penetration = \"release\"");
+      return;
+    }
     const std::string number = std::to_string(i + 1);
     std::string message = "starts inside the support of contact " + number + ": its gap is ";
     message += rounded(gap(model.contacts[i], scene.truth.start.q, 0.0));
@@ -407,8 +505,14 @@ void read_replica_restitution(const TomlTable& table, std::vector<Contact>& cont
   }
 }
 
-Eigen::VectorXd read_sigma(const TomlTable& table, const char* key, Eigen::Index f) {
+// With kept modes one number is the deviation of every coordinate of the file. The deviations of
+// the kept coordinates follow from it, their correlations are omitted.
+Eigen::VectorXd read_sigma(const TomlTable& table, const char* key, const Scene& scene) {
+  const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd sigma = one_or_each(table, key, f);
+  if (scene.kept && !table.contents().get(key)->is_array() && table.numbers(key).size() == 1) {
+    sigma = sigma[0] * scene.kept->to_kept.rowwise().norm();
+  }
   if (!(sigma.minCoeff() > 0.0)) {
     table.fail(key, "has " + to_text(sigma.minCoeff()) + "; must be > 0");
   }
@@ -420,12 +524,13 @@ void read_replica(const TomlTable& root, Scene& scene) {
   const auto table = root.table(
       "replica", {"q", "u", "restitution", "uncertainty", "sigma_q", "sigma_u", "drift"});
   scene.prior.start =
-      table ? read_state(*table, f) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
+      table ? read_state(*table, scene) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
   if (table) scene.prior.drift = table->number_or("drift", 0.0, not_negative);
   if (table && table->has("restitution")) read_replica_restitution(*table, scene.model.contacts);
   if (table && (table->has("sigma_q") || table->has("sigma_u"))) {
     refuse_other(*table, table->has("sigma_q") ? "sigma_q" : "sigma_u", {"uncertainty"});
-    scene.prior.sigma = State{read_sigma(*table, "sigma_q", f), read_sigma(*table, "sigma_u", f)};
+    scene.prior.sigma =
+        State{read_sigma(*table, "sigma_q", scene), read_sigma(*table, "sigma_u", scene)};
   }
   if (!table || !table->has("uncertainty")) return;
   const Eigen::VectorXd energies = table->numbers("uncertainty");
@@ -550,12 +655,15 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   const auto beam = root.table("beam", {"modes", "length", "bending_stiffness", "mass_per_length",
                                         "damping", "damping_ratio", "modal_damping"});
   const auto system =
-      root.table("system", {"M", "C", "K", "damping_ratio", "modal_damping", "rayleigh"});
+      root.table("system", {"M", "C", "K", "damping_ratio", "modal_damping", "rayleigh", "modes",
+                            "static_vectors", "static_damping_ratio"});
   if (beam && system) system->fail_here("system and beam exclude each other; must be one of them");
   if (!beam && !system) root.fail_here("missing table [beam] or [system]");
+  Eigen::VectorXd ratios;
   const std::vector<TomlTable> contacts =
-      beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene);
+      beam ? read_beam(root, *beam, scene) : read_system(root, *system, scene, ratios);
   read_outputs(root, scene);
+  if (system) keep_modes(*system, ratios, contacts, scene);
   const bool chatter_time_given = read_impact(root, contacts, scene.model);
   read_master(root, scene);
   read_replica(root, scene);

@@ -2,7 +2,7 @@
 /// \brief Includes all public headers.
 ///
 /// Each header directly in sprag/ belongs to the public interface. Headers in sprag/detail/ may
-/// change with any version. sprag/assessment.h and sprag/reduction.h need the library
+/// change with any version. sprag/assessment.h and sprag/impacts.h need the library
 /// sprag::analysis, all others sprag::sprag. Contacts and all other indices are counted from 0.
 #pragma once
 
@@ -16,6 +16,7 @@
 #include "sprag/error.h"
 #include "sprag/events_file.h"
 #include "sprag/identification.h"
+#include "sprag/impacts.h"
 #include "sprag/master.h"
 #include "sprag/model.h"
 #include "sprag/observer.h"

@@ -6,18 +6,25 @@
 
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "python/src/arrays.h"
 #include "sprag/beam.h"
+#include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/files/shipped_scenes.h"
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/energy.h"
+#include "sprag/reduction.h"
 #include "sprag/scene.h"
 #include "sprag/scene_file.h"
 
@@ -45,14 +52,34 @@ double required_finite(const char* name, double value) {
   return value;
 }
 
+using NumberOrVector = std::variant<double, Eigen::VectorXd>;
+
+// One number for all, or n.
+Eigen::VectorXd one_or_each(const char* name, const NumberOrVector& given, Eigen::Index n) {
+  if (const auto* one = std::get_if<double>(&given)) return Eigen::VectorXd::Constant(n, *one);
+  const auto& each = std::get<Eigen::VectorXd>(given);
+  require(each.size() == n, std::string(name) + " has " + std::to_string(each.size()) +
+                                " entries; must be one number or " + std::to_string(n));
+  return each;
+}
+
+Eigen::VectorXd required_ratios(const NumberOrVector& given, Eigen::Index n) {
+  Eigen::VectorXd ratios = one_or_each("damping_ratio", given, n);
+  require(ratios.allFinite() && ratios.minCoeff() >= 0.0, "damping_ratio must be >= 0");
+  return ratios;
+}
+
 Beam make_beam(int modes, double length, double bending_stiffness, double mass_per_length,
-               double damping) {
+               double damping, const std::optional<NumberOrVector>& damping_ratio) {
   require(modes >= 1 && modes <= 200,
           "modes is " + std::to_string(modes) + "; must be from 1 to 200");
-  return {modes, required_positive("length", length),
+  require(!damping_ratio || damping == 0.0, "damping and damping_ratio exclude each other");
+  return {modes,
+          required_positive("length", length),
           required_positive("bending_stiffness", bending_stiffness),
           required_positive("mass_per_length", mass_per_length),
-          required_not_negative("damping", damping)};
+          required_not_negative("damping", damping),
+          damping_ratio ? required_ratios(*damping_ratio, modes) : Eigen::VectorXd()};
 }
 
 Harmonic make_harmonic(double amplitude, double frequency, double phase) {
@@ -124,19 +151,31 @@ std::shared_ptr<Model> finished(Model model, std::vector<Contact> contacts,
   return std::make_shared<Model>(std::move(model));
 }
 
-std::shared_ptr<Model> make_model(Eigen::MatrixXd M, Eigen::MatrixXd C, Eigen::MatrixXd K,
-                                  std::vector<Contact> contacts, std::vector<Force> forces,
-                                  const std::string& law, std::vector<Output> outputs) {
+std::shared_ptr<Model> make_model(Eigen::MatrixXd M, std::optional<Eigen::MatrixXd> C,
+                                  Eigen::MatrixXd K, std::vector<Contact> contacts,
+                                  std::vector<Force> forces, const std::string& law,
+                                  std::vector<Output> outputs,
+                                  const std::optional<NumberOrVector>& damping_ratio,
+                                  const std::optional<std::pair<double, double>>& rayleigh) {
   Model model;
+  require((C ? 1 : 0) + (damping_ratio ? 1 : 0) + (rayleigh ? 1 : 0) == 1,
+          "C, damping_ratio and rayleigh exclude each other; must be one of them");
   require_symmetric("M", M, M.rows());
-  require_symmetric("C", C, M.rows());
   require_symmetric("K", K, M.rows());
   require(CholeskyFactor(M).exists(), "M must be positive definite");
-  require_semidefinite("C", C);
   require_semidefinite("K", K);
   model.M = std::move(M);
-  model.C = std::move(C);
   model.K = std::move(K);
+  if (damping_ratio) {
+    model.C = damping_of_ratios(model, required_ratios(*damping_ratio, model.M.rows()));
+  } else if (rayleigh) {
+    model.C = required_not_negative("alpha", rayleigh->first) * model.M +
+              required_not_negative("beta", rayleigh->second) * model.K;
+  } else {
+    require_symmetric("C", *C, model.M.rows());
+    require_semidefinite("C", *C);
+    model.C = std::move(*C);
+  }
   model.forces = std::move(forces);
   model.outputs = std::move(outputs);
   return finished(std::move(model), std::move(contacts), law);
@@ -193,17 +232,77 @@ Tolerance make_tolerance(double time, double restitution, double stiffness, doub
           .clearance = required_not_negative("clearance", clearance)};
 }
 
+// Adds a shaken frame: its force, and the motion of the supports on the ground.
+void shake(const Harmonic& motion, const NumberOrVector& influence,
+           const std::optional<std::vector<std::string>>& mount, Scene& scene) {
+  Model& model = scene.model;
+  ShakenFrame frame{.influence = one_or_each("influence", influence, model.coordinates()),
+                    .motion = motion,
+                    .force = model.forces.size(),
+                    .on_ground = {}};
+  require(frame.influence.allFinite(), "influence must be finite");
+  require(!mount || mount->size() == model.contacts.size(),
+          "mount must have one entry for each contact");
+  model.forces.push_back(frame_force(model.M, frame));
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const std::string on = mount ? (*mount)[i] : "ground";
+    require(on == "ground" || on == "frame",
+            "mount is \"" + on + "\"; must be \"ground\" or \"frame\"");
+    if (on == "frame") continue;
+    require(model.contacts[i].motion.amplitude == 0.0,
+            "contact " + std::to_string(i + 1) +
+                " has a motion of its own; must be mounted on the frame");
+    model.contacts[i].motion = ground_motion(model.contacts[i].w, frame);
+    frame.on_ground.push_back(static_cast<int>(i));
+  }
+  scene.frame = std::move(frame);
+}
+
+// Projects model and starts to the first modes.
+void keep_modes(int modes, const std::vector<int>& static_vectors, Scene& scene) {
+  const auto N = static_cast<int>(scene.model.coordinates());
+  require(modes >= 1 && modes <= N,
+          "modes is " + std::to_string(modes) + "; must be from 1 to " + std::to_string(N));
+  for (std::size_t i = 0; i < static_vectors.size(); ++i) {
+    require(static_vectors[i] >= (i > 0 ? static_vectors[i - 1] + 1 : 0) && static_vectors[i] <= 3,
+            "static_vectors must be whole numbers from 0 to 3, ascending");
+  }
+  auto kept = std::make_shared<KeptModes>(kept_modes(scene.model, modes, {static_vectors, 0.0}));
+  scene.model = projected(scene.model, *kept);
+  for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+    require(scene.model.contacts[i].w.norm() > 1e-12 * kept->given_w[i].norm(),
+            "contact " + std::to_string(i + 1) + " does not see the modes that are kept");
+  }
+  scene.truth.start = projected(scene.truth.start, *kept);
+  scene.prior.start = projected(scene.prior.start, *kept);
+  if (scene.frame) {
+    scene.frame->influence = kept->to_kept * scene.frame->influence;
+    scene.model.forces[scene.frame->force] = frame_force(scene.model.M, *scene.frame);
+  }
+  scene.kept = std::move(kept);
+}
+
 std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const State& replica,
                                   const std::optional<Eigen::VectorXd>& uncertainty, double drift,
                                   double jitter, std::optional<double> chatter_time,
                                   std::string name, const std::optional<State>& sigma,
-                                  const std::optional<Tolerance>& tolerance) {
-  const Eigen::Index f = model.coordinates();
+                                  const std::optional<Tolerance>& tolerance,
+                                  const std::optional<Harmonic>& excitation,
+                                  const std::optional<NumberOrVector>& influence,
+                                  const std::optional<std::vector<std::string>>& mount,
+                                  std::optional<int> modes,
+                                  const std::vector<int>& static_vectors) {
   auto scene = std::make_shared<Scene>();
   scene->name = std::move(name);
   scene->model = model;
-  scene->truth.start = padded("master", master, f);
-  scene->prior.start = padded("replica", replica, f);
+  require(excitation.has_value() == influence.has_value() && (excitation || !mount),
+          "excitation and influence belong together, and mount to them");
+  if (excitation) shake(*excitation, *influence, mount, *scene);
+  scene->truth.start = padded("master", master, model.coordinates());
+  scene->prior.start = padded("replica", replica, model.coordinates());
+  require(modes || static_vectors.empty(), "static_vectors needs modes");
+  if (modes) keep_modes(*modes, static_vectors, *scene);
+  const Eigen::Index f = scene->model.coordinates();
   require_outside(*scene);
   if (uncertainty) {
     require(uncertainty->size() == f && uncertainty->allFinite() && uncertainty->minCoeff() > 0.0,
@@ -228,6 +327,73 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
     set_chatter_time(scene->model, scene->truth.start);
   }
   return scene;
+}
+
+// The scene with other values of parameters, by their keys in scene files.
+std::shared_ptr<Scene> with_values(const Scene& scene,
+                                   const std::map<std::string, double>& values) {
+  require(!has_sampled_inputs(scene.model), "with_values() does not support recorded inputs");
+  std::vector<std::string> keys;
+  Eigen::VectorXd numbers(static_cast<Eigen::Index>(values.size()));
+  for (const auto& [key, number] : values) {
+    numbers[static_cast<Eigen::Index>(keys.size())] = required_finite(key.c_str(), number);
+    keys.push_back(key);
+  }
+  const MachineFamily family(scene, unknowns_named(scene, keys));
+  auto changed = std::make_shared<Scene>(family.with(numbers));
+  for (const Contact& contact : changed->model.contacts) required_restitution(contact.restitution);
+  const auto semidefinite = [](const Eigen::MatrixXd& matrix) {
+    const Eigen::VectorXd all = eigenvalues(matrix);
+    return all.allFinite() && all.minCoeff() >= -1e-12 * all.cwiseAbs().maxCoeff();
+  };
+  require(semidefinite(changed->model.C) && semidefinite(changed->model.K),
+          "C and K must stay positive semidefinite");
+  for (std::size_t i = 0; i < changed->positions.size(); ++i) {
+    const double x = changed->positions[i];
+    require(x > 0.0 && x <= changed->beam->length,
+            "contact." + std::to_string(i + 1) + ".position must be in (0, length]");
+  }
+  return changed;
+}
+
+std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& master,
+                                const std::optional<State>& replica,
+                                const std::optional<NumberOrVector>& uncertainty,
+                                const std::optional<State>& sigma, std::optional<double> drift,
+                                std::optional<double> jitter,
+                                const std::optional<std::string>& name,
+                                const std::optional<Tolerance>& tolerance) {
+  const Eigen::Index f = scene.model.coordinates();
+  auto changed = std::make_shared<Scene>(scene);
+  Prior& prior = changed->prior;
+  if (master) {
+    changed->truth.start = padded("master", *master, f);
+    changed->truth.given = true;
+    if (!changed->truth.release_penetration) require_outside(*changed);
+  }
+  if (replica) prior.start = padded("replica", *replica, f);
+  require(!uncertainty || !sigma, "uncertainty and sigma exclude each other");
+  if (uncertainty) {
+    prior.uncertainty = one_or_each("uncertainty", *uncertainty, f);
+    if (std::holds_alternative<double>(*uncertainty)) prior.uncertainty /= static_cast<double>(f);
+    require(prior.uncertainty.allFinite() && prior.uncertainty.minCoeff() > 0.0,
+            "uncertainty must be > 0");
+    prior.sigma.reset();
+  }
+  if (sigma) {
+    const auto usable = [f](const Eigen::VectorXd& of) {
+      return of.size() == f && of.allFinite() && of.minCoeff() > 0.0;
+    };
+    require(usable(sigma->q) && usable(sigma->u),
+            "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
+    prior.sigma = sigma;
+    prior.uncertainty.resize(0);
+  }
+  if (drift) prior.drift = required_not_negative("drift", *drift);
+  if (jitter) prior.jitter = required_not_negative("jitter", *jitter);
+  if (name) changed->name = *name;
+  if (tolerance) prior.tolerance = *tolerance;
+  return changed;
 }
 
 std::shared_ptr<Scene> with_warnings(Scene scene) {
@@ -256,17 +422,27 @@ void bind_beam(py::module_& module) {
       .def_readonly("frequency", &Harmonic::frequency)
       .def_readonly("phase", &Harmonic::phase);
 
-  py::class_<Beam>(module, "Beam",
-                   "Clamped-free Euler-Bernoulli beam by its first modes: length [m], "
-                   "bending_stiffness EI [N m^2], mass_per_length [kg/m], damping [N s/m^2].")
+  py::class_<Beam>(
+      module, "Beam",
+      "Clamped-free Euler-Bernoulli beam by its first modes: length [m], "
+      "bending_stiffness EI [N m^2], mass_per_length [kg/m], damping [N s/m^2] or in its "
+      "place damping_ratio, one number or one each mode.")
       .def(py::init(&make_beam), py::arg("modes"), py::arg("length") = 1.0,
            py::arg("bending_stiffness") = 1.0, py::arg("mass_per_length") = 1.0,
-           py::arg("damping") = 0.0)
+           py::arg("damping") = 0.0, py::arg("damping_ratio") = py::none())
       .def_readonly("modes", &Beam::modes)
       .def_readonly("length", &Beam::length)
       .def_readonly("bending_stiffness", &Beam::bending_stiffness)
       .def_readonly("mass_per_length", &Beam::mass_per_length)
-      .def_readonly("damping", &Beam::damping);
+      .def_readonly("damping", &Beam::damping)
+      .def_property_readonly(
+          "damping_ratio",
+          [](const py::object& self) -> py::object {
+            const auto& beam = self.cast<const Beam&>();
+            if (beam.damping_ratio.size() == 0) return py::none();
+            return view(beam.damping_ratio, self);
+          },
+          "Damping ratio of each mode, n entries; None where damping is used.");
 }
 
 void bind_model(py::module_& module) {
@@ -301,10 +477,13 @@ void bind_model(py::module_& module) {
       module, "Model",
       "M u' + C u + K q = W lambda + f(t), q' = u, f coordinates and at least one contact. M, C "
       "and "
-      "K are f x f and exactly symmetric, M positive definite, C and K semidefinite.")
+      "K are f x f and exactly symmetric, M positive definite, C and K semidefinite. Where C is "
+      "None, damping_ratio gives C by one number or one each natural mode, by frequency, or "
+      "rayleigh = (alpha, beta) gives C = alpha M + beta K. For a shaken frame see Scene.")
       .def(py::init(&make_model), py::arg("M"), py::arg("C"), py::arg("K"), py::arg("contacts"),
            py::arg("forces") = std::vector<Force>{}, py::arg("law") = "poisson",
-           py::arg("outputs") = std::vector<Output>{})
+           py::arg("outputs") = std::vector<Output>{}, py::kw_only(),
+           py::arg("damping_ratio") = py::none(), py::arg("rayleigh") = py::none())
       .def_property_readonly("f", &Model::coordinates, "Number of coordinates.")
       .def_property_readonly("M", matrix_property(&Model::M))
       .def_property_readonly("C", matrix_property(&Model::C))
@@ -373,6 +552,14 @@ void bind_scene(py::module_& module) {
       .def_readonly("force", &Tolerance::force)
       .def_readonly("clearance", &Tolerance::clearance);
 
+  py::class_<KeptModes, std::shared_ptr<KeptModes>>(
+      module, "KeptModes",
+      "Coordinates of a scene that keeps some modes of N coordinates: q_given = Phi q, q = to_kept "
+      "q_given.")
+      .def_readonly("modes", &KeptModes::modes, "Number of modes; the rest are static vectors.")
+      .def_property_readonly("Phi", matrix_property(&KeptModes::Phi), "N x f.")
+      .def_property_readonly("to_kept", matrix_property(&KeptModes::to_kept), "Phi^T M, f x N.");
+
   py::class_<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
       "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
@@ -380,11 +567,33 @@ void bind_scene(py::module_& module) {
       "start, or in its place sigma: standard deviations of its q and u, as a State; "
       "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
       "[s]: from the machine's own time where it is not given; tolerance: hard limits of "
-      "deviations, for the bound on V.")
+      "deviations, for the bound on V. excitation: motion e(t) of a shaken frame [m], against "
+      "which "
+      "the model's coordinates are measured, with influence r in its force -M r e''(t), one number "
+      "or f; mount: \"ground\" (default) or \"frame\" for each contact. modes: number of lowest "
+      "modes to keep, and static_vectors: orders of static vectors of the contacts; model and "
+      "starts then have the N coordinates of the given model, all else those of kept.")
       .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
            py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
            py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
-           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none())
+           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none(),
+           py::arg("excitation") = py::none(), py::arg("influence") = py::none(),
+           py::arg("mount") = py::none(), py::arg("modes") = py::none(),
+           py::arg("static_vectors") = std::vector<int>{})
+      .def("with_values", &with_values, py::arg("values"),
+           "The scene with other values of parameters: a dict by their keys in scene files, such "
+           "as 'impact.restitution' or 'system.K' (a factor). Raises ValueError.")
+      .def("replace", &replaced, py::kw_only(), py::arg("master") = py::none(),
+           py::arg("replica") = py::none(), py::arg("uncertainty") = py::none(),
+           py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
+           py::arg("jitter") = py::none(), py::arg("name") = py::none(),
+           py::arg("tolerance") = py::none(),
+           "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
+           "as of Scene(), uncertainty also as one energy. Raises ValueError.")
+      .def_property_readonly(
+          "kept", [](const Scene& scene) { return scene.kept.get(); },
+          py::return_value_policy::reference_internal,
+          "The KeptModes of a scene with system.modes; None: all coordinates are kept.")
       .def_readonly("name", &Scene::name)
       .def_property_readonly(
           "f", [](const Scene& scene) { return scene.model.coordinates(); },
@@ -456,6 +665,20 @@ void bind_scene(py::module_& module) {
       },
       py::arg("text"), py::arg("file") = "scene.toml",
       "The same from text; file is the name that errors carry. Raises SceneError.");
+  module.def(
+      "to_toml",
+      [](const Scene& scene, const std::string& comment) { return to_toml(scene, comment); },
+      py::arg("scene"), py::kw_only(), py::arg("comment") = "",
+      "The text of a scene file of the same machine, starts and uncertainties, with all digits. "
+      "Every machine is written as a [system], with the coordinates that it has here. Raises "
+      "SceneError for recorded inputs.");
+  module.def(
+      "write_scene",
+      [](const std::filesystem::path& file, const Scene& scene, const std::string& comment) {
+        write_scene(file, scene, comment);
+      },
+      py::arg("file"), py::arg("scene"), py::kw_only(), py::arg("comment") = "",
+      "Writes to_toml() to a file. Raises sprag.Error if it cannot be written.");
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/lcm_url.h"
+#include "python/src/analyses.h"
 #include "python/src/arrays.h"
 #include "python/src/live.h"
 #include "python/src/machines.h"
@@ -14,6 +15,7 @@
 #include "sprag/master.h"
 #include "sprag/model.h"
 #include "sprag/scene_file.h"
+#include "sprag/version.h"
 
 namespace sprag::python {
 namespace {
@@ -64,8 +66,10 @@ PYBIND11_MODULE(_core, module) {
                                    errors.attr("ModelError"), errors.attr("SimulationError"),
                                    errors.attr("BusError"),   errors.attr("InputError")};
   py::register_local_exception_translator(&translate);
+  module.attr("__version__") = SPRAG_VERSION;
   module.attr("event_dtype") = event_dtype();
   bind_machines(module);
   bind_runs(module);
+  bind_analyses(module);
   bind_live(module);
 }

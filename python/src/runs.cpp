@@ -18,6 +18,7 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
+#include "python/src/settings.h"
 #include "sprag/assessment.h"
 #include "sprag/energy.h"
 #include "sprag/events_file.h"
@@ -49,11 +50,6 @@ StepperKind to_stepper(const std::string& name) {
   if (name == "exact") return StepperKind::exact;
   if (name == "moreau") return StepperKind::moreau;
   throw std::invalid_argument("stepper is \"" + name + "\"; must be \"exact\" or \"moreau\"");
-}
-
-ObserverSettings to_settings(double tick, const std::string& estimator,
-                             const std::string& stepper) {
-  return {tick, to_estimator(estimator), to_stepper(stepper)};
 }
 
 std::int64_t skipped(const EventCounts& counts) {
@@ -99,6 +95,14 @@ class SharedObserver {
   std::mutex mutex_;
   Observer observer_;
 };
+
+// Number of skipped events by the reason, in the words of Skip.
+std::map<std::string, std::int64_t> skipped_by_reason(const EventCounts& counts) {
+  return {{"backwards", counts.of(Skip::backwards)},
+          {"beyond_horizon", counts.of(Skip::beyond_horizon)},
+          {"unknown_contact", counts.of(Skip::unknown_contact)},
+          {"contradicting", counts.of(Skip::contradicting)}};
+}
 
 template <typename Result, typename Member>
 auto array_property(Member Result::*member) {
@@ -154,6 +158,20 @@ void bind_simulation(py::module_& module) {
 }
 
 void bind_estimates(py::module_& module) {
+  py::class_<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
+      .def_readonly("t", &Inconsistency::t, "[s]")
+      .def_property_readonly(
+          "contact", [](const Inconsistency& of) { return of.contact + 1; }, "From 1.")
+      .def_property_readonly(
+          "reason", [](const Inconsistency& of) { return name(of.suspicion); },
+          "Likely cause: 'model' (model, uncertainty or event times are wrong), 'spurious event' "
+          "or 'missing event'.")
+      .def_readonly("square", &Inconsistency::square, "Normalized innovation squared.")
+      .def("__repr__", [](const Inconsistency& of) {
+        return "<sprag.Inconsistency t = " + std::to_string(of.t) + ", contact " +
+               std::to_string(of.contact + 1) + ": " + name(of.suspicion) + ">";
+      });
+
   py::class_<Estimates>(module, "Estimates",
                         "An observer's estimates of many ticks. All arrays are read-only views; "
                         "row k is tick k. Sigmas have no columns without a timing filter.")
@@ -210,7 +228,13 @@ void bind_estimates(py::module_& module) {
           "Number of accepted events.")
       .def_property_readonly(
           "skipped", [](const Estimates& all) { return skipped(all.counts); },
-          "Number of events that contradicted earlier ones and were skipped.");
+          "Number of events that contradicted earlier ones and were skipped.")
+      .def_property_readonly(
+          "skipped_by_reason", [](const Estimates& all) { return skipped_by_reason(all.counts); },
+          "The same by reason: 'backwards', 'beyond_horizon', 'unknown_contact', 'contradicting'.")
+      .def_readonly("inconsistencies", &Estimates::inconsistencies,
+                    "Events that the filter refused, in order of time: a list of Inconsistency. Of "
+                    "several between two ticks the last one.");
 
   module.def(
       "observe",
@@ -276,7 +300,16 @@ void bind_observer(py::module_& module) {
           },
           "Of an adaptive observer: (value, standard deviation) of each parameter that it seeks, "
           "by "
-          "its key in the scene file; inf where it is the scene's. Else empty.");
+          "its key in the scene file; inf where it is the scene's. Else empty.")
+      .def_readonly("inconsistencies", &Estimate::inconsistencies,
+                    "Number of events so far that the filter has refused.")
+      .def_property_readonly(
+          "inconsistency",
+          [](const Estimate& estimate) -> std::optional<Inconsistency> {
+            if (estimate.inconsistencies == 0) return std::nullopt;
+            return estimate.last;
+          },
+          "The last of them; None: none.");
 
   py::class_<SharedObserver>(
       module, "Observer",
@@ -305,7 +338,11 @@ void bind_observer(py::module_& module) {
           "How many events counted so far, of those up to the horizon.")
       .def_property_readonly(
           "skipped", [](SharedObserver& observer) { return skipped(observer.counts()); },
-          "How many were refused or contradicted those before them.");
+          "How many were refused or contradicted those before them.")
+      .def_property_readonly(
+          "skipped_by_reason",
+          [](SharedObserver& observer) { return skipped_by_reason(observer.counts()); },
+          "The same by reason, as in Estimates.");
 }
 
 struct Energies {
@@ -414,7 +451,7 @@ void bind_check(py::module_& module) {
             return a.accuracy->modes;
           },
           "The fewest modes within the accuracy that was asked for, or None.")
-      .def("__str__", &to_text);
+      .def("__str__", [](const Assessment& a) { return to_text(a); });
   module.def(
       "check",
       [](const Scene& scene, std::optional<double> accuracy) {
@@ -428,6 +465,11 @@ void bind_check(py::module_& module) {
 }
 
 }  // namespace
+
+ObserverSettings to_settings(double tick, const std::string& estimator,
+                             const std::string& stepper) {
+  return {tick, to_estimator(estimator), to_stepper(stepper)};
+}
 
 void bind_runs(py::module_& module) {
   bind_simulation(module);

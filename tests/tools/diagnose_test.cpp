@@ -8,11 +8,11 @@
 #include <random>
 #include <tuple>
 
+#include "sprag/detail/analysis/diagnosis.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
-#include "tools/diagnose/diagnosis.h"
 #include "tools/diagnose/print.h"
 
 namespace sprag {

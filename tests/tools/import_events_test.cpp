@@ -6,13 +6,13 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
+#include "sprag/detail/import/clock_time.h"
+#include "sprag/detail/import/column_file.h"
+#include "sprag/detail/import/decimal.h"
+#include "sprag/detail/import/import.h"
 #include "tests/support/random.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/clock_time.h"
-#include "tools/import_events/column_file.h"
-#include "tools/import_events/decimal.h"
 #include "tools/import_events/hints.h"
-#include "tools/import_events/import.h"
 #include "tools/import_events/levels.h"
 #include "tools/import_events/unit.h"
 

@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "command_line/program.h"
+#include "sprag/detail/import/import.h"
 #include "tests/support/random.h"
-#include "tools/import_events/import.h"
 #include "tools/listen/arrival_scatter.h"
 #include "tools/listen/gpio_events.h"
 #include "tools/listen/intake.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "tools/diagnose/diagnosis.h"
+#include "sprag/detail/analysis/diagnosis.h"
 
 namespace sprag {
 

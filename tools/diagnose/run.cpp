@@ -5,7 +5,7 @@
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
-#include "tools/diagnose/diagnosis.h"
+#include "sprag/detail/analysis/diagnosis.h"
 #include "tools/diagnose/print.h"
 
 namespace sprag {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/edges/contact_edges.h"
+#include "sprag/detail/import/contact_edges.h"
 
 namespace sprag {
 

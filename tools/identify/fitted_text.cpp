@@ -5,6 +5,7 @@
 
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 #include "tools/identify/fitted_parameters.h"
 #include "tools/identify/fitted_tolerance.h"
@@ -115,7 +116,9 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
     }
     case Kind::damping:
       if (factor) {
-        if (text.has("system.C")) set_matrix("system.C", fitted.model.C, text);
+        if (text.has("system.C")) {
+          set_matrix("system.C", scene.kept ? of.value * scene.kept->C : fitted.model.C, text);
+        }
         return;
       }
       if (scene.beam->damping_ratio.size() > 0) {
@@ -126,7 +129,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
       break;
     case Kind::stiffness:
       if (factor) {
-        set_matrix("system.K", fitted.model.K, text);
+        set_matrix("system.K", scene.kept ? of.value * scene.kept->K : fitted.model.K, text);
         return;
       }
       break;
@@ -197,7 +200,9 @@ void set_system_ratio(const Identification& fit, const std::string& file, Text& 
     text.set(path, factor * one);
     return;
   }
-  for (Eigen::Index i = 0; i < fit.fitted.model.coordinates(); ++i) {
+  const Scene& fitted = fit.fitted;
+  const Eigen::Index f = fitted.kept ? fitted.kept->given() : fitted.model.coordinates();
+  for (Eigen::Index i = 0; i < f; ++i) {
     const std::string entry_path = path + '.' + std::to_string(i + 1);
     if (text.has(entry_path)) text.set(entry_path, factor * text.number(entry_path, 0.0));
   }
@@ -285,8 +290,9 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
   if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
   if (fit.start_t == fit.begins) {
-    out.set("replica.q", fit.start.q);
-    out.set("replica.u", fit.start.u);
+    const State start = scene.kept ? expanded(fit.start, *scene.kept) : fit.start;
+    out.set("replica.q", start.q);
+    out.set("replica.u", start.u);
     if (scene.prior.sigma) {
       out.set("replica.sigma_q", start_deviations(fit.start_sigma.q, fit.start.q));
       out.set("replica.sigma_u", start_deviations(fit.start_sigma.u, fit.start.u));
@@ -294,8 +300,8 @@ FittedText fitted_text(std::string_view given, const Scene& scene, const Identif
       out.set("replica.uncertainty", start_energy(fit));
     }
     if (begins == 0.0 && out.has("master") && starts_outside(fit.fitted, fit.start)) {
-      out.set("master.q", fit.start.q);
-      out.set("master.u", fit.start.u);
+      out.set("master.q", start.q);
+      out.set("master.u", start.u);
     }
   }
   if (fit.fitted.prior.drift != scene.prior.drift) out.set("replica.drift", fit.fitted.prior.drift);

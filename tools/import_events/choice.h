@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/import_events/column_file.h"
+#include "sprag/detail/import/import.h"
 
 namespace sprag {
 
@@ -15,14 +15,6 @@ enum class ColumnRole { impacts, on, off, level };
 struct ColumnOption {
   ColumnRole role;
   std::string text;
-};
-
-/// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which is converted
-/// to one of these (levels.h). Indices from 0.
-struct ContactColumns {
-  int contact = 0;
-  std::optional<std::size_t> impacts, on, off;
-  std::optional<std::size_t> level = {};
 };
 
 /// The columns of each named contact, contacts ascending. Either all options have a contact (from

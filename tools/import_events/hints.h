@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/import_events/import.h"
+#include "sprag/detail/import/import.h"
 
 namespace sprag {
 

@@ -6,7 +6,7 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/files/input_file.h"
-#include "tools/import_events/decimal.h"
+#include "sprag/detail/import/decimal.h"
 
 namespace sprag {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/import/column_file.h"
 #include "tools/edges/level_edges.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/column_file.h"
 
 namespace sprag {
 

@@ -5,7 +5,7 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
-#include "tools/import_events/clock_time.h"
+#include "sprag/detail/import/clock_time.h"
 #include "tools/import_events/unit.h"
 
 namespace sprag {

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "command_line/program.h"
+#include "sprag/detail/import/import.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/import.h"
 #include "tools/import_events/levels.h"
 
 namespace sprag {

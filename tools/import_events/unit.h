@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/detail/import/column_file.h"
+#include "sprag/detail/import/decimal.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/column_file.h"
-#include "tools/import_events/decimal.h"
 
 namespace sprag {
 

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "tools/import_events/clock_time.h"
+#include "sprag/detail/import/clock_time.h"
 
 namespace sprag {
 

@@ -7,7 +7,7 @@
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/input_file.h"
-#include "tools/import_events/column_file.h"
+#include "sprag/detail/import/column_file.h"
 
 namespace sprag {
 

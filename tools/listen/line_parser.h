@@ -12,8 +12,8 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/detail/import/clock_time.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/clock_time.h"
 #include "tools/import_events/levels.h"
 
 namespace sprag {

@@ -87,8 +87,9 @@ DrawnMachine::DrawnMachine(const Scene& scene) : contacts_(scene.model.contacts)
   if (outputs >= 2 || (outputs == 1 && f > longest_chain)) {
     draw_nodes(scene);
   } else {
-    shapes_ = Eigen::MatrixXd::Identity(f, f);
-    draw_chain();
+    // A scene that keeps some modes is drawn by the coordinates of its file.
+    shapes_ = scene.kept ? scene.kept->Phi : Eigen::MatrixXd(Eigen::MatrixXd::Identity(f, f));
+    draw_chain(scene);
   }
 }
 
@@ -119,12 +120,14 @@ void DrawnMachine::draw_nodes(const Scene& scene) {
   }
 }
 
-void DrawnMachine::draw_chain() {
+void DrawnMachine::draw_chain(const Scene& scene) {
   for (Eigen::Index i = 0; i < shapes_.rows(); ++i) {
     places_.push_back(static_cast<double>(i + 1));
     names_.push_back(std::string("q").append(std::to_string(i + 1)));
   }
-  for (const Contact& contact : contacts_) {
+  for (std::size_t i = 0; i < contacts_.size(); ++i) {
+    Contact contact = contacts_[i];
+    if (scene.kept) contact.w = scene.kept->given_w[i];
     // The contact is drawn between the two coordinates with the largest entries of w.
     Eigen::Index first = 0;
     contact.w.cwiseAbs().maxCoeff(&first);

@@ -56,7 +56,7 @@ class DrawnMachine {
 
  private:
   void draw_nodes(const Scene& scene);
-  void draw_chain();
+  void draw_chain(const Scene& scene);
 
   Kind kind_ = Kind::chain;
   Eigen::MatrixXd shapes_;  // places x f

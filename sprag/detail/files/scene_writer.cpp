@@ -69,15 +69,22 @@ void add_frame(std::string& text, const ShakenFrame& frame) {
   add(text, "phase", frame.motion.phase);
 }
 
-void add_contact(std::string& text, const Contact& contact, const char* mount) {
+// How the motion of a support is written.
+struct Mount {
+  const char* word = nullptr;  // of the key `mount`; null: none
+  bool own_motion = false;     // `motion` is written, even if it is zero
+};
+
+void add_contact(std::string& text, const Contact& contact, const Mount& mount) {
   text += "\n[[contact]]\n";
   add(text, "direction", contact.w);
   add(text, "clearance", contact.clearance);
-  if (mount != nullptr) {
-    text += std::string("mount = ") + mount + '\n';
-  } else if (const Harmonic& s = contact.motion; is_given(s)) {
+  if (mount.own_motion || (mount.word == nullptr && is_given(contact.motion))) {
+    const Harmonic& s = contact.motion;
     text += "motion = { amplitude = " + text_of(s.amplitude) +
             ", frequency = " + text_of(s.frequency) + ", phase = " + text_of(s.phase) + " }\n";
+  } else if (mount.word != nullptr) {
+    text += std::string("mount = ") + mount.word + '\n';
   }
   add(text, "restitution", contact.restitution);
 }
@@ -88,14 +95,14 @@ void add_output(std::string& text, const Output& output) {
   if (output.velocity) text += "quantity = \"velocity\"\n";
 }
 
-// The mount of a contact in the shaken frame; nullptr if the contact has a motion of its own.
-const char* mount_of(const Scene& scene, std::size_t contact) {
-  if (!scene.frame) return nullptr;
+// In kept modes the motion of a support on the ground does not follow from w and the influence.
+Mount mount_of(const Scene& scene, std::size_t contact) {
+  if (!scene.frame) return {};
   const std::vector<int>& ground = scene.frame->on_ground;
   if (std::find(ground.begin(), ground.end(), static_cast<int>(contact)) != ground.end()) {
-    return "\"ground\"";
+    return scene.kept ? Mount{.own_motion = true} : Mount{.word = "\"ground\""};
   }
-  return is_given(scene.model.contacts[contact].motion) ? nullptr : "\"frame\"";
+  return is_given(scene.model.contacts[contact].motion) ? Mount{} : Mount{.word = "\"frame\""};
 }
 
 void add_replica(std::string& text, const Scene& scene) {

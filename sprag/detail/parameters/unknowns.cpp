@@ -349,8 +349,13 @@ bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
   if (first.ec != std::errc() || first.ptr == end || *first.ptr != '.') return false;
   const auto second = std::from_chars(first.ptr + 1, end, column);
   if (second.ec != std::errc() || second.ptr != end) return false;
-  const auto f = static_cast<int>(scene.model.coordinates());
+  const auto f = static_cast<int>(scene.kept ? scene.kept->given() : scene.model.coordinates());
   if (row < 1 || column < 1 || row > f || column > f) return false;
+  if (scene.kept) {
+    throw std::invalid_argument(std::string(key) +
+                                " is a single entry, which is no parameter with system.modes; "
+                                "system.K and system.C are factors on all modes");
+  }
   const Eigen::MatrixXd& of_scene = matrix == 'K' ? scene.model.K : scene.model.C;
   unknown = positive_unknown(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1,
                              std::string(key), matrix == 'K' ? "N/m" : "N s/m",

@@ -1,12 +1,12 @@
-#include "tools/import_events/import.h"
+#include "sprag/detail/import/import.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 
-#include "tools/edges/contact_edges.h"
-#include "tools/import_events/clock_time.h"
+#include "sprag/detail/import/clock_time.h"
+#include "sprag/detail/import/contact_edges.h"
 
 namespace sprag {
 

@@ -1,4 +1,4 @@
-#include "tools/diagnose/diagnosis.h"
+#include "sprag/detail/analysis/diagnosis.h"
 
 #include <algorithm>
 #include <cmath>

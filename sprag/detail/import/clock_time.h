@@ -4,7 +4,7 @@
 #include <optional>
 #include <string_view>
 
-#include "tools/import_events/decimal.h"
+#include "sprag/detail/import/decimal.h"
 
 namespace sprag {
 

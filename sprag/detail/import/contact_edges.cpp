@@ -1,4 +1,4 @@
-#include "tools/edges/contact_edges.h"
+#include "sprag/detail/import/contact_edges.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "tools/import_events/clock_time.h"
+#include "sprag/detail/import/clock_time.h"
 
 #include <charconv>
 #include <chrono>

@@ -1,4 +1,4 @@
-#include "tools/import_events/decimal.h"
+#include "sprag/detail/import/decimal.h"
 
 #include <algorithm>
 #include <array>

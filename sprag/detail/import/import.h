@@ -2,19 +2,27 @@
 //
 // A column of impacts contains their times: all are pulses. A pair of columns contains the times at
 // which a contact closes (on) and opens (off), each in any order. The rules for bounces
-// and pulses are those of tools/edges/contact_edges.h.
+// and pulses are those of sprag/detail/import/contact_edges.h.
 #pragma once
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "tools/import_events/choice.h"
-#include "tools/import_events/column_file.h"
-#include "tools/import_events/decimal.h"
+#include "sprag/detail/import/column_file.h"
+#include "sprag/detail/import/decimal.h"
 
 namespace sprag {
+
+/// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which is converted
+/// to one of these (tools/import_events/levels.h). Indices from 0.
+struct ContactColumns {
+  int contact = 0;
+  std::optional<std::size_t> impacts, on, off;
+  std::optional<std::size_t> level = {};
+};
 
 struct ImportOptions {
   Decimal unit{1, 0};               ///< seconds per unit of the file, > 0

@@ -13,12 +13,12 @@
 #pragma once
 
 #include <span>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/parameters/parameters.h"
+#include "sprag/error.h"
 #include "sprag/identification.h"
 #include "sprag/scene.h"
 
@@ -82,8 +82,8 @@ struct Beginning {
 };
 
 /// There are too few events for a diagnosis.
-struct TooFewEvents : std::runtime_error {
-  using std::runtime_error::runtime_error;
+struct TooFewEvents : Error {
+  using Error::Error;
 };
 
 /// Diagnoses a scene. `jitter` >= 0 [s]. Throws TooFewEvents, and ModelError if M is not positive

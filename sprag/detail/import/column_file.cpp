@@ -1,13 +1,13 @@
-#include "tools/import_events/column_file.h"
+#include "sprag/detail/import/column_file.h"
 
 #include <algorithm>
 #include <array>
 
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/import/clock_time.h"
+#include "sprag/detail/import/decimal.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "tools/import_events/clock_time.h"
-#include "tools/import_events/decimal.h"
 
 namespace sprag {
 

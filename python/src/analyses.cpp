@@ -1,0 +1,732 @@
+#include "python/src/analyses.h"
+
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "python/src/arrays.h"
+#include "python/src/long_call.h"
+#include "python/src/settings.h"
+#include "sprag/detail/analysis/diagnosis.h"
+#include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/input_file.h"
+#include "sprag/detail/identification/repaired_events.h"
+#include "sprag/detail/import/import.h"
+#include "sprag/detail/mechanics/instant.h"
+#include "sprag/identification.h"
+#include "sprag/impacts.h"
+#include "sprag/smoother.h"
+
+namespace sprag::python {
+namespace {
+
+using EventList = std::vector<ContactEvent>;
+
+void refuse_recorded_inputs(const Scene& scene, const char* function) {
+  if (!has_sampled_inputs(scene.model)) return;
+  throw std::invalid_argument(std::string(function) + "() does not support recorded inputs");
+}
+
+// Sorted by time, as the functions of the library require.
+EventList in_order(const py::object& events, const Scene& scene, double duration) {
+  EventList taken = to_events(events, scene.model.contacts.size());
+  std::erase_if(taken, [&](const ContactEvent& event) { return event.t > duration; });
+  std::stable_sort(taken.begin(), taken.end(),
+                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  return taken;
+}
+
+// An array of events that owns its data; contacts from 0 in `events`.
+py::array owned(EventList events) {
+  for (ContactEvent& event : events) ++event.contact;
+  auto data = std::make_unique<EventList>(std::move(events));
+  const py::capsule owner(data.get(), [](void* of) { delete static_cast<EventList*>(of); });
+  return view(*data.release(), owner);
+}
+
+// A structured array of rows; `dtype` has the layout of Row.
+template <class Row>
+py::array structured(const std::vector<Row>& rows) {
+  return read_only(py::array_t<Row>(static_cast<py::ssize_t>(rows.size()), rows.data()));
+}
+
+const char* name_of(FitProblem problem) {
+  switch (problem) {
+    case FitProblem::none:
+      return "none";
+    case FitProblem::no_convergence:
+      return "no_convergence";
+    case FitProblem::events_left_out:
+      return "events_left_out";
+    case FitProblem::merged_bounces:
+      return "merged_bounces";
+    case FitProblem::lost_or_spurious_events:
+      return "lost_or_spurious_events";
+    case FitProblem::bound_reached:
+      return "bound_reached";
+    case FitProblem::degenerate_orbit:
+      return "degenerate_orbit";
+    case FitProblem::wrong_model:
+      break;
+  }
+  return "wrong_model";
+}
+
+const char* name_of(Misfit misfit) {
+  switch (misfit) {
+    case Misfit::none:
+      return "none";
+    case Misfit::scatter:
+      return "scatter";
+    case Misfit::structured:
+      return "structured";
+    case Misfit::prediction:
+      return "prediction";
+    case Misfit::start:
+      break;
+  }
+  return "start";
+}
+
+struct EventRow {
+  double t;
+  std::int32_t contact;  // from 1
+};
+
+std::vector<EventRow> rows_of(const std::vector<MissingImpact>& missing) {
+  std::vector<EventRow> rows;
+  for (const MissingImpact& impact : missing) rows.push_back({impact.t, impact.contact + 1});
+  return rows;
+}
+
+// ---- identification
+
+struct PythonIdentification {
+  Identification fit;
+  EventList events;
+  std::vector<std::string> keys;
+  Eigen::VectorXd values, sigmas, low, high;
+  std::vector<std::uint8_t> determined, at_bound;
+};
+
+PythonIdentification collected(Identification fit, EventList events) {
+  PythonIdentification all;
+  const auto P = static_cast<Eigen::Index>(fit.unknowns.size());
+  for (Eigen::VectorXd* of : {&all.values, &all.sigmas, &all.low, &all.high}) of->resize(P);
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  for (Eigen::Index k = 0; k < P; ++k) {
+    const FittedUnknown& of = fit.unknowns[static_cast<std::size_t>(k)];
+    const bool known = of.determined && fit.converged();
+    all.keys.push_back(of.unknown.key);
+    all.values[k] = known ? of.value : nan;
+    all.sigmas[k] = known ? of.sigma : nan;
+    all.low[k] = known ? of.low : nan;
+    all.high[k] = known ? of.high : nan;
+    all.determined.push_back(known ? 1 : 0);
+    all.at_bound.push_back(known && of.at_bound ? 1 : 0);
+  }
+  all.fit = std::move(fit);
+  all.events = std::move(events);
+  return all;
+}
+
+PythonIdentification run_identify(const Scene& scene, const py::object& events,
+                                  const std::optional<std::vector<std::string>>& free,
+                                  const std::vector<std::string>& known,
+                                  std::optional<double> within, std::optional<double> jitter,
+                                  double duration) {
+  refuse_recorded_inputs(scene, "identify");
+  if (jitter && !(*jitter >= 0.0 && std::isfinite(*jitter))) {
+    throw std::invalid_argument("jitter must be >= 0");
+  }
+  if (within && !(*within > 0.0 && *within <= 10.0)) {
+    throw std::invalid_argument("within must be in (0, 10]");
+  }
+  for (const std::string& key : known) unknown_of(scene, key);
+  IdentificationSettings settings;
+  settings.unknowns = free ? unknowns_named(scene, *free) : all_but_the_scale(scene, known);
+  for (Unknown& unknown : settings.unknowns) {
+    if (within) unknown.within = *within;
+    if (free && std::find(known.begin(), known.end(), unknown.key) != known.end()) {
+      throw std::invalid_argument("free and known both name " + unknown.key);
+    }
+  }
+  settings.jitter = jitter;
+  if (!jitter && scene.prior.jitter > 0.0) settings.jitter = scene.prior.jitter;
+  EventList taken = in_order(events, scene, duration);
+  return long_call([&] { return collected(identify(scene, taken, settings), taken); });
+}
+
+py::array flags(const std::vector<std::uint8_t>& of, const py::object& owner) {
+  return read_only(py::array(py::dtype::of<bool>(), {static_cast<py::ssize_t>(of.size())}, {1},
+                             of.data(), owner));
+}
+
+void bind_identification(py::module_& module) {
+  using Class = PythonIdentification;
+  const auto vector = [](Eigen::VectorXd Class::*member) {
+    return
+        [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
+  };
+  py::class_<Class>(module, "Identification",
+                    "Parameters that contact events determine, P of them, and the verdict. Entry k "
+                    "of each array belongs to keys[k]; it is nan where determined[k] is False.")
+      .def_property_readonly(
+          "fits", [](const Class& of) { return of.fit.fits(); },
+          "Whether the fit is accepted; if not, problem is the reason.")
+      .def_property_readonly(
+          "problem", [](const Class& of) { return name_of(of.fit.problem); },
+          "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
+          "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
+      .def_property_readonly(
+          "misfit", [](const Class& of) { return name_of(of.fit.misfit); },
+          "Evidence that the model is wrong: 'none', 'scatter', 'structured', 'prediction' or "
+          "'start'.")
+      .def_property_readonly(
+          "culprit",
+          [](const Class& of) -> std::optional<std::string> {
+            if (of.fit.culprit < 0) return std::nullopt;
+            return of.keys[static_cast<std::size_t>(of.fit.culprit)];
+          },
+          "Key of the parameter that reached its bound, or None.")
+      .def_readonly("keys", &Class::keys, "Keys of the parameters in the scene file.")
+      .def_property_readonly("values", vector(&Class::values), "Values, P entries.")
+      .def_property_readonly("sigmas", vector(&Class::sigmas), "Standard deviations, P entries.")
+      .def_property_readonly("low", vector(&Class::low), "Lower ends of the 95 % intervals.")
+      .def_property_readonly("high", vector(&Class::high), "Upper ends of the 95 % intervals.")
+      .def_property_readonly(
+          "determined",
+          [](const py::object& self) { return flags(self.cast<const Class&>().determined, self); },
+          "Whether the events determine each parameter.")
+      .def_property_readonly(
+          "at_bound",
+          [](const py::object& self) { return flags(self.cast<const Class&>().at_bound, self); },
+          "Whether each value is a physical bound.")
+      .def_property_readonly(
+          "parameters",
+          [](const Class& of) {
+            std::map<std::string, std::pair<double, double>> found;
+            for (std::size_t k = 0; k < of.keys.size(); ++k) {
+              const auto i = static_cast<Eigen::Index>(k);
+              if (of.determined[k] != 0) found[of.keys[k]] = {of.values[i], of.sigmas[i]};
+            }
+            return found;
+          },
+          "(value, standard deviation) of each determined parameter by its key.")
+      .def_property_readonly(
+          "combinations",
+          [](const Class& of) {
+            std::vector<std::pair<std::map<std::string, double>, double>> all;
+            for (const Combination& combination : of.fit.combinations) {
+              std::map<std::string, double> weights;
+              for (const auto& [k, weight] : combination.weights) weights[of.keys[k]] = weight;
+              all.emplace_back(std::move(weights), combination.sigma);
+            }
+            return all;
+          },
+          "Of a degenerate orbit: (weight of the relative change by key, standard deviation) of "
+          "each combination that the events determine.")
+      .def_property_readonly(
+          "others", [](const Class& of) { return of.fit.others; },
+          "Values at other minima that fit as well, P entries each.")
+      .def_property_readonly(
+          "jitter", [](const Class& of) { return of.fit.jitter; },
+          "Standard deviation of event times, as given or as estimated [s].")
+      .def_property_readonly(
+          "scatter", [](const Class& of) { return of.fit.scatter; },
+          "Root mean square of the residuals per degree of freedom [s].")
+      .def_property_readonly(
+          "drift",
+          [](const Class& of) -> std::optional<double> {
+            if (!of.fit.departure.is_drift()) return std::nullopt;
+            return of.fit.departure.drift->drift;
+          },
+          "Process noise that the residuals show [energy per unit of time]; None: none.")
+      .def_property_readonly(
+          "chi2", [](const Class& of) { return of.fit.chi2; },
+          "Sum of the squared residuals in units of the jitter.")
+      .def_property_readonly(
+          "freedom", [](const Class& of) { return of.fit.freedom; }, "Degrees of freedom.")
+      .def_property_readonly(
+          "impacts", [](const Class& of) { return of.fit.impacts; }, "Number of impacts used.")
+      .def_property_readonly(
+          "left_out", [](const Class& of) { return of.fit.left_out; },
+          "Number of closings that the fit does not use.")
+      .def_property_readonly(
+          "missing", [](const Class& of) { return structured(rows_of(of.fit.missing)); },
+          "Impacts without an event: an array with the fields t [s] and contact (from 1).")
+      .def_property_readonly(
+          "spurious", [](const Class& of) { return of.fit.spurious; },
+          "Indices of spurious events in the events in order of time, from 0.")
+      .def_property_readonly(
+          "repaired",
+          [](const Class& of) {
+            EventList all;
+            for (const RepairedEvent& event : repaired_events(of.events, of.fit)) {
+              if (!event.spurious) all.push_back(event.event);
+            }
+            return owned(std::move(all));
+          },
+          "The events with the missing ones at the times of the fit and without spurious ones: an "
+          "array of event_dtype.")
+      .def_property_readonly(
+          "start", [](const Class& of) -> const State& { return of.fit.start; },
+          py::return_value_policy::reference_internal, "State at start_t.")
+      .def_property_readonly(
+          "start_sigma", [](const Class& of) -> const State& { return of.fit.start_sigma; },
+          py::return_value_policy::reference_internal, "Its standard deviations.")
+      .def_property_readonly(
+          "start_t", [](const Class& of) { return of.fit.start_t; }, "[s]")
+      .def_property_readonly(
+          "fitted",
+          [](const Class& of) -> std::shared_ptr<Scene> {
+            if (!of.fit.converged()) return nullptr;
+            return std::make_shared<Scene>(of.fit.fitted);
+          },
+          "The scene with these values, whose replica starts at start; None without a fit.");
+  module.def(
+      "identify", &run_identify, py::arg("scene"), py::arg("events"), py::kw_only(),
+      py::arg("free") = py::none(), py::arg("known") = std::vector<std::string>{},
+      py::arg("within") = py::none(), py::arg("jitter") = py::none(),
+      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      "Identifies parameters of a machine from contact events since t = 0. free: their keys in the "
+      "scene file; None: all that events can determine, without known. within: largest relative "
+      "error of the scene's values; jitter [s]: None takes the scene's, or estimates it. events: "
+      "an array of event_dtype, or (t, contact, kind) each; later ones than duration [s] are left "
+      "out. Raises sprag.Error for too few impacts, ModelError or ValueError.");
+}
+
+// ---- diagnosis
+
+void bind_diagnosis(py::module_& module) {
+  py::class_<Candidate>(module, "Candidate",
+                        "A parameter that may be wrong, alone, and the value that explains the "
+                        "events best.")
+      .def_property_readonly(
+          "name", [](const Candidate& of) { return of.parameter.name; }, "Name for people.")
+      .def_property_readonly(
+          "contact",
+          [](const Candidate& of) -> std::optional<int> {
+            if (of.parameter.contact < 0) return std::nullopt;
+            return of.parameter.contact + 1;
+          },
+          "Its contact, from 1, or None.")
+      .def_property_readonly(
+          "unit", [](const Candidate& of) { return of.parameter.unit; }, "Unit; may be empty.")
+      .def_property_readonly(
+          "nominal", [](const Candidate& of) { return of.parameter.nominal; }, "Scene's value.")
+      .def_readonly("determined", &Candidate::determined, "Whether the events determine it.")
+      .def_readonly("value", &Candidate::value, "The value; the scene's if not determined.")
+      .def_readonly("sigma", &Candidate::deviation, "Its standard deviation.")
+      .def_readonly("scatter", &Candidate::scatter, "Scatter of event times with it [s].")
+      .def_readonly("gain", &Candidate::gain, "Gain of -2 log L; 0 if not determined.")
+      .def_readonly("explained", &Candidate::explained,
+                    "Share of the square of the scatter that it explains.")
+      .def_readonly("fits", &Candidate::fits, "Whether the events fit with it and the jitter.")
+      .def_readonly("improved_by", &Candidate::improved_by,
+                    "A parameter that explains much more together with it; else empty.");
+  py::class_<Diagnosis>(module, "Diagnosis",
+                        "Whether events fit a scene, and which parameter would explain them.")
+      .def_readonly("fits", &Diagnosis::fits, "Whether the events fit the scene as it is.")
+      .def_readonly("jitter", &Diagnosis::jitter, "Specified jitter [s]; 0: exact.")
+      .def_readonly("scatter", &Diagnosis::scatter,
+                    "Scatter of event times about the scene's machine [s].")
+      .def_readonly("misfit", &Diagnosis::misfit, "chi^2 per degree of freedom with the jitter.")
+      .def_readonly("closings", &Diagnosis::closings, "Number of closings used.")
+      .def_readonly("candidates", &Diagnosis::candidates, "All parameters, the best first.")
+      .def_property_readonly(
+          "explanation", [](const Diagnosis& of) { return of.explanation(); },
+          py::return_value_policy::reference_internal,
+          "The candidate with which the events fit, or None.")
+      .def_property_readonly(
+          "ties",
+          [](const Diagnosis& of) {
+            std::vector<Candidate> ties;
+            for (const Candidate* tie : of.ties()) ties.push_back(*tie);
+            return ties;
+          },
+          "Other parameters that explain the misfit as well.")
+      .def_property_readonly(
+          "missing", [](const Diagnosis& of) { return structured(rows_of(of.missing)); },
+          "Lost events that explain the misfit: an array with the fields t [s] and contact.")
+      .def_property_readonly(
+          "spurious", [](const Diagnosis& of) { return owned(of.spurious); },
+          "Spurious events that explain the misfit, an array of event_dtype.");
+  module.def(
+      "diagnose",
+      [](const Scene& scene, const py::object& events, std::optional<double> jitter,
+         double duration) {
+        refuse_recorded_inputs(scene, "diagnose");
+        const double sigma = jitter.value_or(scene.prior.jitter);
+        if (!(sigma >= 0.0 && std::isfinite(sigma))) {
+          throw std::invalid_argument("jitter must be >= 0");
+        }
+        const EventList taken = in_order(events, scene, duration);
+        return long_call([&] { return diagnose(scene, taken, sigma); });
+      },
+      py::arg("scene"), py::arg("events"), py::kw_only(), py::arg("jitter") = py::none(),
+      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      "Whether contact events since t = 0 fit a scene and, if not, which single parameter would "
+      "explain them. jitter [s]: None takes the scene's. Raises sprag.Error for too few events, "
+      "ModelError or ValueError.");
+}
+
+// ---- smoothing
+
+struct Smoothed {
+  Eigen::VectorXd t;
+  Rows q, u, sigma_q, sigma_u, sigma_gap, outputs, sigma_outputs;
+  std::vector<std::uint8_t> smoothed;
+  std::vector<SmoothedStretch> stretches;
+};
+
+Smoothed run_smooth(const Scene& scene, const EventList& events, double duration, double tick) {
+  const std::int64_t last = last_tick(duration, tick);
+  const auto n = static_cast<Eigen::Index>(last + 1);
+  const Model& model = scene.model;
+  const Eigen::Index f = model.coordinates();
+  const auto m = std::ssize(model.contacts), o = std::ssize(model.outputs);
+  Smoothed all{.t = Eigen::VectorXd(n),
+               .q = Rows(n, f),
+               .u = Rows(n, f),
+               .sigma_q = Rows(n, f),
+               .sigma_u = Rows(n, f),
+               .sigma_gap = Rows(n, m),
+               .outputs = Rows(n, o),
+               .sigma_outputs = Rows(n, o),
+               .smoothed = std::vector<std::uint8_t>(static_cast<std::size_t>(n)),
+               .stretches = {}};
+  const auto take = [&](std::int64_t tick_number, const SmoothedEstimate& of, bool smoothed) {
+    const auto k = static_cast<Eigen::Index>(tick_number);
+    all.t[k] = tick_instant(tick_number, tick).hi;
+    all.q.row(k) = of.q;
+    all.u.row(k) = of.u;
+    all.sigma_q.row(k) = of.sigma_q;
+    all.sigma_u.row(k) = of.sigma_u;
+    all.sigma_gap.row(k) = of.sigma_gap;
+    all.sigma_outputs.row(k) = of.sigma_outputs;
+    for (Eigen::Index i = 0; i < o; ++i) {
+      all.outputs(k, i) = value(model.outputs[static_cast<std::size_t>(i)], of.q, of.u);
+    }
+    all.smoothed[static_cast<std::size_t>(k)] = smoothed ? 1 : 0;
+  };
+  all.stretches = smooth(scene, events, tick, last, take);
+  return all;
+}
+
+void bind_smoother(py::module_& module) {
+  const auto rows = [](Rows Smoothed::*member) {
+    return [member](const py::object& self) {
+      return view(self.cast<const Smoothed&>().*member, self);
+    };
+  };
+  py::class_<SmoothedStretch>(module, "SmoothedStretch", "Part of a recording that is smoothed.")
+      .def_readonly("begin", &SmoothedStretch::from, "[s]")
+      .def_readonly("end", &SmoothedStretch::to, "[s]")
+      .def_readonly("events", &SmoothedStretch::events, "Number of events in it.")
+      .def_readonly("misfit", &SmoothedStretch::misfit,
+                    "Mean normalized innovation squared of its events; about 1 if model, jitter "
+                    "and drift are right.");
+  py::class_<Smoothed>(module, "Smoothed",
+                       "Estimates from all events before and after each tick. All arrays are "
+                       "read-only views; row k is tick k.")
+      .def_property_readonly(
+          "t", [](const py::object& self) { return view(self.cast<const Smoothed&>().t, self); },
+          "Times k h [s], n entries.")
+      .def_property_readonly("q", rows(&Smoothed::q), "Coordinates, n x f.")
+      .def_property_readonly("u", rows(&Smoothed::u), "Velocities, n x f.")
+      .def_property_readonly("sigma_q", rows(&Smoothed::sigma_q),
+                             "Standard deviations of q, n x f.")
+      .def_property_readonly("sigma_u", rows(&Smoothed::sigma_u),
+                             "Standard deviations of u, n x f.")
+      .def_property_readonly("sigma_gap", rows(&Smoothed::sigma_gap),
+                             "Standard deviations of the gaps [m], n x m.")
+      .def_property_readonly("outputs", rows(&Smoothed::outputs),
+                             "The scene's outputs, n x as many.")
+      .def_property_readonly("sigma_outputs", rows(&Smoothed::sigma_outputs),
+                             "Their standard deviations.")
+      .def_property_readonly(
+          "smoothed",
+          [](const py::object& self) { return flags(self.cast<const Smoothed&>().smoothed, self); },
+          "Whether each tick lies in a stretch, n entries; other ticks have the estimate of "
+          "observe().")
+      .def_readonly("stretches", &Smoothed::stretches, "The stretches, in order of time.");
+  module.def(
+      "smooth",
+      [](const Scene& scene, const py::object& events, double duration, double tick) {
+        if (!(duration >= 0.0 && std::isfinite(duration))) {
+          throw std::invalid_argument("duration must be >= 0");
+        }
+        if (!(tick > 0.0 && std::isfinite(tick))) throw std::invalid_argument("tick must be > 0");
+        const EventList taken = in_order(events, scene, duration);
+        return long_call([&] { return run_smooth(scene, taken, duration, tick); });
+      },
+      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
+      py::arg("tick") = 0.01,
+      "Estimates at every tick [s] up to duration [s] from all events of a complete recording, "
+      "those after the tick included. The scene needs a jitter or uncertain parameters. Raises "
+      "sprag.Error if it cannot be smoothed, ModelError or ValueError.");
+}
+
+// ---- impacts and predictions
+
+struct ImpactRow {
+  double t;
+  std::int32_t contact;
+  std::int8_t kind;
+  bool of_filter;
+  double time, sigma_time, before, sigma_before, after, sigma_after, impulse, sigma_impulse;
+  bool sustained;
+  double force_begin, sigma_force_begin, force_end, sigma_force_end, force_largest,
+      sigma_force_largest, force_impulse, sigma_force_impulse;
+};
+
+struct PredictionRow {
+  double t;
+  std::int32_t contact;
+  std::int8_t kind;
+  double sigma;
+};
+
+ImpactRow row_of(const ImpactRecord& of) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto force = [&](const Uncertain& x) { return of.sustained ? x : Uncertain{nan, nan}; };
+  const Uncertain begin = force(of.force_begin), end = force(of.force_end),
+                  largest = force(of.force_largest), impulse = force(of.force_impulse);
+  return {of.t,
+          of.contact + 1,
+          static_cast<std::int8_t>(of.kind),
+          of.from_filter,
+          of.time.value,
+          of.time.sigma,
+          of.before.value,
+          of.before.sigma,
+          of.after.value,
+          of.after.sigma,
+          of.impulse.value,
+          of.impulse.sigma,
+          of.sustained,
+          begin.value,
+          begin.sigma,
+          end.value,
+          end.sigma,
+          largest.value,
+          largest.sigma,
+          impulse.value,
+          impulse.sigma};
+}
+
+void bind_impacts(py::module_& module) {
+  PYBIND11_NUMPY_DTYPE(EventRow, t, contact);
+  PYBIND11_NUMPY_DTYPE(ImpactRow, t, contact, kind, of_filter, time, sigma_time, before,
+                       sigma_before, after, sigma_after, impulse, sigma_impulse, sustained,
+                       force_begin, sigma_force_begin, force_end, sigma_force_end, force_largest,
+                       sigma_force_largest, force_impulse, sigma_force_impulse);
+  PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma);
+  module.def(
+      "impacts",
+      [](const Scene& scene, const py::object& events, double duration, double tick,
+         const std::string& estimator) {
+        const EventList taken = to_events(events, scene.model.contacts.size());
+        const ObserverSettings settings = to_settings(tick, estimator, "exact");
+        const std::vector<ImpactRecord> records =
+            long_call([&] { return impacts(scene, taken, duration, settings); });
+        std::vector<ImpactRow> rows;
+        rows.reserve(records.size());
+        for (const ImpactRecord& record : records) rows.push_back(row_of(record));
+        return structured(rows);
+      },
+      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
+      py::arg("tick") = 0.01, py::arg("estimator") = "both",
+      "The impacts of a recording: an array with one entry for each event and the fields t [s] as "
+      "reported, contact (from 1), kind, of_filter; time [s], before and after (gap velocities "
+      "[m/s]), impulse [N s], each with its standard deviation sigma_..., inf where unknown; and "
+      "for releases (sustained) force_begin, force_end, force_largest [N] and force_impulse [N s] "
+      "of the contact that ends, else nan. Raises ModelError or ValueError.");
+  py::class_<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
+      .def_readonly("made_at", &Prediction::made_at, "Time of the prediction [s].")
+      .def_readonly("certain_until", &Prediction::certain_until,
+                    "No other event is expected up to here [s].")
+      .def_property_readonly(
+          "events",
+          [](const Prediction& of) {
+            std::vector<PredictionRow> rows;
+            for (const PredictedEvent& event : of.events) {
+              rows.push_back(
+                  {event.t, event.contact + 1, static_cast<std::int8_t>(event.kind), event.sigma});
+            }
+            return structured(rows);
+          },
+          "In order of time: an array with the fields t [s], contact (from 1), kind and sigma "
+          "[s].");
+  module.def(
+      "predict",
+      [](const Scene& scene, const py::object& events, double t, double ahead, double tick,
+         const std::string& estimator) {
+        const EventList taken = to_events(events, scene.model.contacts.size());
+        const ObserverSettings settings = to_settings(tick, estimator, "exact");
+        return long_call([&] { return predict(scene, taken, t, ahead, settings); });
+      },
+      py::arg("scene"), py::arg("events"), py::arg("t"), py::arg("ahead"), py::kw_only(),
+      py::arg("tick") = 0.01, py::arg("estimator") = "both",
+      "Predicts the contact events in the time ahead [s] after t [s] from the events up to t. No "
+      "events are predicted while the filter is not confirmed. Raises ModelError or ValueError.");
+}
+
+// ---- reduction
+
+struct PythonReduction {
+  Reduction reduction;
+  std::shared_ptr<Scene> scene;
+};
+
+void bind_reduction(py::module_& module) {
+  py::class_<PythonReduction>(module, "Reduction",
+                              "A machine with fewer modes and a correction for the others.")
+      .def_property_readonly(
+          "correction", [](const PythonReduction& of) { return of.reduction.correction; },
+          "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.")
+      .def_property_readonly(
+          "modes", [](const PythonReduction& of) { return of.reduction.modes; },
+          "Number of kept modes.")
+      .def_property_readonly(
+          "static_vectors", [](const PythonReduction& of) { return of.reduction.static_vectors; },
+          "Orders of the static vectors; may be empty.")
+      .def_property_readonly(
+          "rms_gap", [](const PythonReduction& of) { return of.reduction.rms; },
+          "Root mean square of the replica's own gap at the closings [m].")
+      .def_readonly("scene", &PythonReduction::scene, "The reduced scene.");
+  module.def(
+      "reduce",
+      [](const Scene& scene, const py::object& events, int modes, double duration) {
+        const auto most = static_cast<int>(scene.model.coordinates());
+        if (modes < 1 || modes > most) {
+          throw std::invalid_argument("modes is " + std::to_string(modes) + "; must be from 1 to " +
+                                      std::to_string(most));
+        }
+        const EventList taken = in_order(events, scene, duration);
+        return long_call([&] {
+          const ModalMachine machine = modal_machine(scene);
+          std::vector<Eigen::Index> kept = by_frequency(machine);
+          kept.resize(static_cast<std::size_t>(modes));
+          std::vector<PythonReduction> all;
+          for (Reduction& of : reductions(machine, kept, second_half(taken))) {
+            auto reduced = std::make_shared<Scene>(reduced_scene(scene, of.machine));
+            all.push_back({std::move(of), std::move(reduced)});
+          }
+          if (all.empty()) {
+            throw ModelError("the first " + std::to_string(modes) +
+                             " modes do not see every contact");
+          }
+          return all;
+        });
+      },
+      py::arg("scene"), py::arg("events"), py::arg("modes"), py::kw_only(),
+      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      "Reduces a scene to its first modes, with each correction for the others that is tried: a "
+      "list of Reduction, the one that follows the events best first. Raises sprag.Error for too "
+      "few events, ModelError or ValueError.");
+}
+
+// ---- import
+
+Decimal to_decimal(const char* name, double value) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.17g", value);
+  const auto decimal = parse_decimal(text);
+  if (!decimal || !std::isfinite(value)) {
+    throw std::invalid_argument(std::string(name) + " must be a finite number");
+  }
+  return *decimal;
+}
+
+using ColumnsByContact = std::map<int, std::string>;
+
+std::vector<ContactColumns> chosen_columns(const ColumnFile& columns, const std::string& file,
+                                           int contacts, const ColumnsByContact& impacts,
+                                           const ColumnsByContact& on,
+                                           const ColumnsByContact& off) {
+  std::map<int, ContactColumns> chosen;
+  const auto add = [&](const ColumnsByContact& names,
+                       std::optional<std::size_t> ContactColumns::*role) {
+    for (const auto& [contact, name] : names) {
+      if (contact < 1 || contact > contacts) {
+        throw std::invalid_argument("contact is " + std::to_string(contact) +
+                                    "; must be from 1 to " + std::to_string(contacts));
+      }
+      chosen[contact].contact = contact - 1;
+      chosen[contact].*role = columns.find(name, file);
+    }
+  };
+  add(impacts, &ContactColumns::impacts);
+  add(on, &ContactColumns::on);
+  add(off, &ContactColumns::off);
+  std::vector<ContactColumns> list;
+  for (const auto& [contact, of] : chosen) {
+    if (of.impacts ? of.on || of.off : !of.on || !of.off) {
+      throw std::invalid_argument("contact " + std::to_string(contact) +
+                                  " needs a column of impacts, or columns on and off");
+    }
+    list.push_back(of);
+  }
+  if (list.empty() && columns.columns.size() == 1 && contacts == 1) list.push_back({0, 0, {}, {}});
+  if (list.empty()) throw std::invalid_argument("no column is named; give impacts, or on and off");
+  return list;
+}
+
+py::array run_import(const std::filesystem::path& file, const Scene& scene,
+                     const ColumnsByContact& impacts, const ColumnsByContact& on,
+                     const ColumnsByContact& off, double unit, double offset, double debounce,
+                     double pulse_shorter_than, double duration) {
+  if (!(unit > 0.0)) throw std::invalid_argument("unit must be > 0");
+  if (!(debounce >= 0.0 && pulse_shorter_than >= 0.0)) {
+    throw std::invalid_argument("debounce and pulse_shorter_than must be >= 0");
+  }
+  const std::string text = read_whole(file);
+  const ColumnFile columns = parse_columns(text, file.string());
+  const auto chosen = chosen_columns(
+      columns, file.string(), static_cast<int>(scene.model.contacts.size()), impacts, on, off);
+  Import import = import_events(columns, chosen,
+                                {.unit = to_decimal("unit", unit),
+                                 .offset = to_decimal("offset", offset),
+                                 .debounce = debounce,
+                                 .pulse_shorter_than = pulse_shorter_than,
+                                 .duration = duration});
+  for (const RowProblem& problem : import.problems) {
+    const std::string warning = file.string() + ":" + to_text(problem) + "; left out";
+    if (PyErr_WarnEx(PyExc_RuntimeWarning, warning.c_str(), 1) != 0) throw py::error_already_set();
+  }
+  return owned(std::move(import.events));
+}
+
+void bind_import(py::module_& module) {
+  module.def("_import_events", &run_import, py::arg("file"), py::arg("scene"), py::arg("impacts"),
+             py::arg("on"), py::arg("off"), py::arg("unit"), py::arg("offset"), py::arg("debounce"),
+             py::arg("pulse_shorter_than"), py::arg("duration"), "See import_events().");
+}
+
+}  // namespace
+
+void bind_analyses(py::module_& module) {
+  bind_impacts(module);
+  bind_identification(module);
+  bind_diagnosis(module);
+  bind_smoother(module);
+  bind_reduction(module);
+  bind_import(module);
+}
+
+}  // namespace sprag::python

@@ -1,0 +1,13 @@
+// Settings of observers from the arguments of Python functions.
+#pragma once
+
+#include <string>
+
+#include "sprag/observer.h"
+
+namespace sprag::python {
+
+/// Throws std::invalid_argument for an unknown name.
+ObserverSettings to_settings(double tick, const std::string& estimator, const std::string& stepper);
+
+}  // namespace sprag::python

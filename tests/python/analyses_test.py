@@ -1,0 +1,386 @@
+"""Identification, diagnosis, smoothing, impacts, predictions, reduction and import of events."""
+
+import json
+import subprocess
+import tempfile
+import unittest
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import sprag
+from support import BUILD, SOURCE, scene, write_events
+
+
+def program(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([BUILD / "sprag", name, *arguments], capture_output=True, text=True)
+
+
+def rig(restitution: float = 0.6, **settings) -> sprag.Scene:
+    """Two masses between springs on a shaken frame, the second against a stop."""
+    model = sprag.Model(
+        [[1.0, 0.2], [0.2, 0.8]],
+        None,
+        [[300.0, -120.0], [-120.0, 200.0]],
+        [sprag.Contact([0.0, 1.0], restitution, clearance=0.004)],
+        outputs=[sprag.Output("mass", [0.0, 1.0]), sprag.Output("speed", [1.0, 0.0], velocity=True)],
+        damping_ratio=[0.03, 0.02],
+    )
+    return sprag.Scene(
+        model,
+        excitation=sprag.Harmonic(0.004, 13.0),
+        influence=1.0,
+        mount=["frame"],
+        uncertainty=[0.02, 0.02],
+        **settings,
+    )
+
+
+class IdentifyTest(unittest.TestCase):
+    def test_parameters_are_found(self):
+        truth = rig(0.55)
+        events = sprag.simulate(truth, 60.0).events
+        self.assertGreater(len(events), 60)
+        fit = sprag.identify(rig(), events, jitter=1e-6, free=["impact.restitution", "system.C"])
+        self.assertTrue(fit.fits, fit.problem)
+        self.assertEqual(fit.keys, ["impact.restitution", "system.C"])
+        value, sigma = fit.parameters["impact.restitution"]
+        self.assertAlmostEqual(value, 0.55, delta=max(5 * sigma, 1e-6))
+        self.assertEqual(value, fit.values[0])
+        self.assertTrue((fit.low <= fit.values).all() and (fit.values <= fit.high).all())
+        self.assertTrue(fit.determined.all())
+        self.assertAlmostEqual(fit.fitted.model.contacts[0].restitution, value)
+        self.assertEqual((fit.misfit, fit.culprit, fit.drift), ("none", None, None))
+        self.assertEqual((len(fit.missing), len(fit.spurious)), (0, 0))
+        self.assertEqual(fit.start.q.shape, (2,))
+
+    def test_it_equals_the_program(self):
+        truth = scene("lab_rig")
+        events = sprag.simulate(truth, 20.0).events
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "events.csv"
+            write_events(file, events)
+            done = program("identify", str(file), str(SOURCE / "scenes/lab_rig.toml"), "--json")
+        report = json.loads(done.stdout)
+        fit = sprag.identify(truth, events)
+        printed = {of["parameter"]: of["value"] for of in report["parameters"] if "value" in of}
+        for key, (value, _) in fit.parameters.items():
+            self.assertEqual(value, printed[key])
+        self.assertEqual(fit.chi2, report["chi2"])
+
+    def test_a_lost_event_is_repaired(self):
+        truth = rig()
+        events = sprag.simulate(truth, 60.0).events
+        lost = np.delete(events, 40)
+        fit = sprag.identify(truth, lost, jitter=1e-6, free=["impact.restitution"])
+        self.assertTrue(fit.fits, fit.problem)
+        self.assertEqual(len(fit.missing), 1)
+        self.assertAlmostEqual(fit.missing["t"][0], events["t"][40], delta=1e-4)
+        self.assertEqual(fit.missing["contact"][0], 1)
+        self.assertEqual(len(fit.repaired), len(events))
+
+    def test_wrong_arguments(self):
+        events = sprag.simulate(rig(), 20.0).events
+        for arguments in (
+            {"free": ["system.X"]},
+            {"jitter": -1.0},
+            {"within": 0.0},
+            {"free": ["system.K"], "known": ["system.K"]},
+        ):
+            with self.subTest(arguments), self.assertRaises(ValueError):
+                sprag.identify(rig(), events, **arguments)
+        with self.assertRaises(sprag.Error):
+            sprag.identify(rig(), events[:4])
+
+
+class DiagnoseTest(unittest.TestCase):
+    def test_the_wrong_parameter_is_named(self):
+        events = sprag.simulate(rig(0.55), 60.0).events
+        self.assertTrue(sprag.diagnose(rig(0.55), events, jitter=1e-5).fits)
+        diagnosis = sprag.diagnose(rig(), events, jitter=1e-5)
+        self.assertFalse(diagnosis.fits)
+        self.assertEqual(diagnosis.explanation.name, "restitution")
+        self.assertAlmostEqual(diagnosis.explanation.value, 0.55, delta=1e-3)
+        self.assertEqual(diagnosis.candidates[0].name, "restitution")
+        self.assertGreater(diagnosis.scatter, 1e-4)
+
+    def test_too_few_events(self):
+        with self.assertRaisesRegex(sprag.Error, "contacts close at"):
+            sprag.diagnose(rig(), [])
+
+
+class SmoothTest(unittest.TestCase):
+    def test_smoothed_estimates_are_better(self):
+        rng = np.random.default_rng(5)
+        jitter = 2e-4
+        truth = rig(jitter=jitter)
+        machine = sprag.simulate(truth, 30.0)
+        events = machine.events.copy()
+        events["t"] += jitter * rng.standard_normal(len(events))
+        events = events[np.argsort(events["t"])]
+        smoothed = sprag.smooth(truth, events, 30.0)
+        filtered = sprag.observe(truth, events, 30.0, estimator="timing")
+        self.assertEqual(smoothed.q.shape, machine.q.shape)
+        rms = [np.sqrt(np.mean((of.q[500:] - machine.q[500:]) ** 2)) for of in (smoothed, filtered)]
+        self.assertLess(rms[0], rms[1])
+        np.testing.assert_allclose(smoothed.outputs[:, 0], smoothed.q[:, 1])
+        np.testing.assert_allclose(smoothed.outputs[:, 1], smoothed.u[:, 0])
+        self.assertEqual(smoothed.smoothed.dtype, bool)
+        self.assertGreater(smoothed.smoothed.mean(), 0.9)
+        self.assertAlmostEqual(smoothed.stretches[0].misfit, 1.0, delta=0.5)
+
+    def test_without_jitter_it_is_refused(self):
+        with self.assertRaises(sprag.Error):
+            sprag.smooth(rig(), sprag.simulate(rig(), 5.0).events, 5.0)
+
+
+class ImpactsTest(unittest.TestCase):
+    def test_law_and_program(self):
+        truth = scene("two_stops_beam")
+        machine = sprag.simulate(truth, 40.0)
+        impacts = sprag.impacts(truth, machine.events, 40.0)
+        self.assertEqual(len(impacts), len(machine.events))
+        np.testing.assert_array_equal(impacts["t"], machine.events["t"])
+        known = impacts[(impacts["kind"] == 3) & np.isfinite(impacts["sigma_before"])]
+        self.assertGreater(len(known), 20)
+        epsilon = truth.model.contacts[0].restitution
+        np.testing.assert_allclose(known["after"], -epsilon * known["before"], atol=1e-9)
+        with tempfile.TemporaryDirectory() as folder:
+            events, csv = Path(folder) / "events.csv", Path(folder) / "impacts.csv"
+            write_events(events, machine.events)
+            done = program(
+                "observer", str(SOURCE / "scenes/two_stops_beam.toml"), "--replay", str(events),
+                "--duration", "40", "--impacts", str(csv)
+            )  # fmt: skip
+            self.assertEqual(done.returncode, 0, done.stderr)
+            header = csv.read_text().splitlines()[0].split(",")
+            table = np.genfromtxt(csv, delimiter=",", names=True)
+        self.assertEqual(header[0], "t")
+        np.testing.assert_array_equal(table["t"], impacts["t"])
+
+    def test_prediction_is_what_comes(self):
+        truth = rig()
+        machine = sprag.simulate(truth, 40.0)
+        prediction = sprag.predict(truth, machine.events, 20.0, 2.0)
+        later = machine.events[machine.events["t"] > 20.0]
+        n = len(prediction.events)
+        self.assertGreaterEqual(n, 2)
+        self.assertEqual(prediction.made_at, 20.0)
+        np.testing.assert_allclose(prediction.events["t"], later["t"][:n], atol=1e-6)
+        np.testing.assert_array_equal(prediction.events["contact"], later["contact"][:n])
+        for t, ahead in ((-1.0, 1.0), (1.0, 0.0), (np.nan, 1.0)):
+            with self.assertRaises(ValueError):
+                sprag.predict(truth, machine.events, t, ahead)
+
+
+class InconsistencyTest(unittest.TestCase):
+    def test_reasons(self):
+        truth = rig(jitter=1e-5)
+        events = sprag.simulate(truth, 40.0).events
+        self.assertEqual(sprag.observe(truth, events, 40.0).inconsistencies, [])
+        spurious = np.append(events, np.array([(20.03, 1, 3)], dtype=sprag.event_dtype))
+        estimates = sprag.observe(truth, spurious, 40.0)
+        first = estimates.inconsistencies[0]
+        self.assertEqual((first.contact, first.reason), (1, "spurious event"))
+        self.assertAlmostEqual(first.t, 20.03)
+        twice = sprag.observe(truth, [(1.0, 1, 1), (1.1, 1, 1)], 2.0)
+        self.assertEqual(twice.skipped_by_reason["contradicting"], 1)
+        self.assertEqual(twice.skipped, 1)
+
+
+class ReduceTest(unittest.TestCase):
+    def test_best_first(self):
+        whole = scene("stiff_beam")
+        events = sprag.simulate(whole, 60.0).events
+        found = sprag.reduce(whole, events, 3)
+        self.assertEqual([of.rms_gap for of in found], sorted(of.rms_gap for of in found))
+        self.assertIn("none", [of.correction for of in found])
+        self.assertEqual(found[0].modes, 3)
+        self.assertGreaterEqual(found[0].scene.f, 3)
+        for modes in (0, 21):
+            with self.assertRaises(ValueError):
+                sprag.reduce(whole, events, modes)
+
+
+class ImportTest(unittest.TestCase):
+    def test_columns(self):
+        truth = scene("two_stops_beam")
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "log.csv"
+            file.write_text("a [ms];on;off\n1000;1500,5;1600\n1000,01;;\n2000;;\n")
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                events = sprag.import_events(
+                    file, truth, impacts={1: "a [ms]"}, on={2: "on"}, off={2: "off"},
+                    unit=1e-3, debounce=1e-3
+                )  # fmt: skip
+            self.assertEqual(events.dtype, sprag.event_dtype)
+            self.assertEqual(
+                events.tolist(), [(1.0, 1, 3), (1.5005, 2, 1), (1.6, 2, 2), (2.0, 1, 3)]
+            )
+            one = Path(folder) / "one.csv"
+            one.write_text("t\n0.5\nx\n0.7\n")
+            with self.assertWarnsRegex(RuntimeWarning, "one.csv:3"):
+                times = sprag.import_events(one, scene())["t"]
+            self.assertEqual(times.tolist(), [0.5, 0.7])
+            for wrong in ({"impacts": {3: "a [ms]"}}, {"on": {1: "on"}}, {}, {"unit": 0.0}):
+                with self.subTest(wrong), self.assertRaises(ValueError):
+                    sprag.import_events(file, truth, **wrong)
+            with self.assertRaisesRegex(sprag.InputError, "log.csv"):
+                sprag.import_events(file, truth, impacts="b")
+
+
+class ScenesTest(unittest.TestCase):
+    def test_version(self):
+        header = (SOURCE / "sprag/version.h").read_text()
+        self.assertIn(f'"{sprag.__version__}"', header)
+
+    def test_written_scene_is_the_same(self):
+        truth = rig(jitter=1e-4, drift=1e-6)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "rig.toml"
+            sprag.write_scene(file, truth, comment="A rig.")
+            self.assertTrue(file.read_text().startswith("# A rig.\n"))
+            back = sprag.read_scene(file)
+        np.testing.assert_array_equal(back.model.C, truth.model.C)
+        self.assertEqual((back.jitter, back.drift), (1e-4, 1e-6))
+        np.testing.assert_array_equal(
+            sprag.simulate(back, 20.0).events, sprag.simulate(truth, 20.0).events
+        )
+        self.assertEqual(sprag.parse_scene(sprag.to_toml(truth)).f, 2)
+
+    def test_frame_and_damping_are_those_of_a_file(self):
+        text = """[system]
+M = [[1.0, 0.2], [0.2, 0.8]]
+K = [[300.0, -120.0], [-120.0, 200.0]]
+damping_ratio = [0.03, 0.02]
+[excitation]
+influence = 1.0
+amplitude = 0.004
+frequency = 13.0
+[[contact]]
+direction = [0.0, 1.0]
+clearance = 0.004
+mount = "MOUNT"
+[impact]
+restitution = 0.6
+"""
+        for mount in ("frame", "ground"):
+            of_file = sprag.parse_scene(text.replace("MOUNT", mount))
+            model = rig().model
+            scene = sprag.Scene(
+                sprag.Model(model.M, None, model.K, model.contacts, damping_ratio=[0.03, 0.02]),
+                excitation=sprag.Harmonic(0.004, 13.0),
+                influence=[1.0, 1.0],
+                mount=[mount],
+            )
+            np.testing.assert_array_equal(
+                sprag.simulate(scene, 20.0).events, sprag.simulate(of_file, 20.0).events
+            )
+        rayleigh = sprag.Model(
+            np.eye(2), None, 2 * np.eye(2), [sprag.Contact([1, 0], 0.5)], rayleigh=(0.1, 0.2)
+        )
+        np.testing.assert_allclose(rayleigh.C, 0.5 * np.eye(2))
+        beam = sprag.Beam(modes=2, damping_ratio=0.01)
+        np.testing.assert_array_equal(beam.damping_ratio, [0.01, 0.01])
+        self.assertIsNone(sprag.Beam(modes=2, damping=0.1).damping_ratio)
+
+    def test_kept_modes_are_those_of_a_file(self):
+        n = 20
+        k = n * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+        k[-1, -1] = n
+        w = np.eye(n)[-1]
+        model = sprag.Model(
+            np.eye(n) / n, None, k, [sprag.Contact(w, 0.5, clearance=0.01)], damping_ratio=0.02
+        )
+        frame = {"excitation": sprag.Harmonic(0.05, 2.0), "influence": 1.0, "mount": ["frame"]}
+        q = np.linspace(0.0, 0.05, n)
+        whole = sprag.Scene(model, master=sprag.State(q), **frame)
+        part = sprag.Scene(model, master=sprag.State(q), modes=3, static_vectors=[0, 1], **frame)
+        self.assertEqual((part.f, part.kept.modes), (5, 3))
+        np.testing.assert_allclose(part.kept.Phi.T @ model.M @ part.kept.Phi, np.eye(5), atol=1e-12)
+        np.testing.assert_allclose(part.master.q, part.kept.to_kept @ q)
+        text = sprag.to_toml(whole).replace(
+            "[system]", "[system]\nmodes = 3\nstatic_vectors = [0, 1]"
+        )
+        np.testing.assert_allclose(sprag.parse_scene(text).model.C, part.model.C, atol=1e-12)
+        self.assertIsNone(whole.kept)
+        for wrong in ({"modes": 0}, {"modes": 21}, {"static_vectors": [0]}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                sprag.Scene(model, **wrong)
+
+    def test_changed_values(self):
+        beam = scene().with_values({"impact.restitution": 0.5, "contact.1.position": 0.8})
+        self.assertEqual(beam.model.contacts[0].restitution, 0.5)
+        np.testing.assert_allclose(
+            beam.model.contacts[0].w, sprag.beam_contact(beam.beam, 0.8, 0.5).w
+        )
+        stiffer = rig().with_values({"system.K": 1.1})
+        np.testing.assert_allclose(stiffer.model.K, 1.1 * rig().model.K)
+        self.assertEqual(scene().model.contacts[0].restitution, 0.7)  # the original stays
+        other = rig().replace(jitter=1e-3, master=sprag.State([0.0, 0.001]), uncertainty=0.4)
+        self.assertEqual(other.jitter, 1e-3)
+        np.testing.assert_array_equal(other.uncertainty, [0.2, 0.2])
+        for wrong in ({"impact.restitution": 1.5}, {"system.Q": 1.0}, {"system.K": -1.0}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                rig().with_values(wrong)
+        with self.assertRaises(ValueError):
+            rig().replace(jitter=-1.0)
+        with self.assertRaises(ValueError):
+            rig().replace(master=sprag.State([0.0, -1.0]))
+
+    def test_wrong_damping(self):
+        contact = [sprag.Contact([1.0], 0.5)]
+        for arguments in (
+            {"C": None},
+            {"C": [[0.1]], "damping_ratio": 0.1},
+            {"C": None, "damping_ratio": [0.1, 0.2]},
+            {"C": None, "damping_ratio": -0.1},
+        ):
+            with self.subTest(arguments), self.assertRaises(ValueError):
+                sprag.Model(M=[[1.0]], K=[[1.0]], contacts=contact, **arguments)
+        with self.assertRaises(ValueError):
+            sprag.Beam(modes=2, damping=0.1, damping_ratio=0.1)
+
+
+@unittest.skipUnless((BUILD / "tools/tolerance").exists(), "the programs are not built")
+class ProgramsTest(unittest.TestCase):
+    def test_tolerance(self):
+        found = sprag.tolerance(
+            "impact_oscillator", runs=1, duration=20.0, estimators=["replica"], jobs=1
+        )
+        self.assertGreater(found.target, 0.0)
+        jitter = found.limits[found.limits["what"] == "jitter"]
+        self.assertEqual(jitter["estimator"].tolist(), ["replica"])
+        self.assertGreater(jitter["amount"][0], 0.0)
+        of_object = sprag.tolerance(rig(), runs=1, duration=5.0, estimators=["replica"], jobs=1)
+        self.assertIn("system.K", of_object.limits["what"])
+        with self.assertRaisesRegex(sprag.InputError, "nowhere"):
+            sprag.tolerance("nowhere.toml")
+
+    @unittest.skipUnless((BUILD / "tools/study").exists(), "the program study is not built")
+    def test_study(self):
+        with tempfile.TemporaryDirectory() as folder:
+            scene_file = Path(folder) / "rig.toml"
+            sprag.write_scene(scene_file, rig())
+            file = Path(folder) / "study.toml"
+            file.write_text(STUDY)
+            study = sprag.run_study(file, Path(folder) / "rows", jobs=1)
+            self.assertEqual(study.axes, ["contact.1.restitution"])
+            self.assertEqual(study.rows, 2)
+            file.write_text("name = 1")
+            with self.assertRaises(sprag.InputError):
+                sprag.run_study(file, Path(folder) / "other")
+
+
+STUDY = """scene = "rig.toml"
+duration = 5.0
+estimators = ["replica"]
+record = ["V_floor"]
+[vary]
+contact.1.restitution = [0.5, 0.6]
+"""
+
+if __name__ == "__main__":
+    unittest.main()

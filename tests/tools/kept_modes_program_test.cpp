@@ -1,0 +1,233 @@
+// system.modes with the programs: a cantilever of finite elements bounces on a stop. Its sensor
+// merges bounces. The scene that keeps few modes is identified from the merged events and observed.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "sprag/reduction.h"
+#include "sprag/scene_file.h"
+#include "sprag/states_file.h"
+#include "tests/support/program_test.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+using test::Arguments;
+using test::read_text;
+using test::write_text;
+
+Arguments operator+(Arguments left, const Arguments& right) {
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
+class KeptModesProgramTest : public test::ProgramTest {
+ protected:
+  /// Writes the matrices of n Hermite elements: deflection and rotation of each node.
+  void write_rig(int n) {
+    const Eigen::Index N = Eigen::Index{2} * n;
+    const double l = 1.0 / n;
+    Eigen::Matrix4d m, k;
+    m << 156, 22 * l, 54, -13 * l, 22 * l, 4 * l * l, 13 * l, -3 * l * l, 54, 13 * l, 156, -22 * l,
+        -13 * l, -3 * l * l, -22 * l, 4 * l * l;
+    k << 12, 6 * l, -12, 6 * l, 6 * l, 4 * l * l, -6 * l, 2 * l * l, -12, -6 * l, 12, -6 * l, 6 * l,
+        2 * l * l, -6 * l, 4 * l * l;
+    Eigen::MatrixXd M = Eigen::MatrixXd::Zero(N + 2, N + 2), K = M;
+    for (Eigen::Index e = 0; e < n; ++e) {
+      M.block<4, 4>(2 * e, 2 * e) += l / 420 * m;
+      K.block<4, 4>(2 * e, 2 * e) += k / (l * l * l);
+    }
+    write_matrix("M.csv", M.bottomRightCorner(N, N));
+    write_matrix("K.csv", K.bottomRightCorner(N, N));
+    Eigen::VectorXd tip = Eigen::VectorXd::Unit(N, N - 2);
+    write_matrix("tip.csv", tip);
+    write_matrix("w.csv", Eigen::VectorXd::Unit(N, 2 * std::lround(0.9 * n) - 2));
+    Eigen::VectorXd shaking(N), start(N);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double x = l * static_cast<double>(i + 1);
+      shaking.segment<2>(2 * i) << 1.0, 0.0;
+      start.segment<2>(2 * i) << 0.1 * x * x, 0.2 * x;
+    }
+    write_matrix("shaking.csv", shaking);
+    write_matrix("start.csv", start);
+  }
+
+  /// Its scene with further keys in [system].
+  std::string scene(const std::string& name, const std::string& keys, double restitution) const {
+    std::ostringstream text;
+    text << "name = \"rig\"\n[system]\nM = \"M.csv\"\nK = \"K.csv\"\ndamping_ratio = 0.02\n"
+         << keys << "\n[excitation]\ninfluence = \"shaking.csv\"\namplitude = 0.03\n"
+         << "frequency = 9.5\n[[contact]]\ndirection = \"w.csv\"\n[impact]\nrestitution = "
+         << restitution << "\n[[output]]\nname = \"tip\"\ndirection = \"tip.csv\"\n"
+         << "[master]\nq = \"start.csv\"\n[replica]\nuncertainty = 0.5\n";
+    return write_text(path(name), text.str());
+  }
+
+  /// Root mean square of the difference of the tip from the whole machine's, from t = 20 on.
+  double tip_error(const std::string& scene_file, const std::string& estimator) {
+    const Ended ended =
+        run(OBSERVER, {scene_file, "--replay", path("merged.csv"), "--tick", "0.05", "--duration",
+                       "60", "--estimator", estimator, "--states", path("observed.csv")});
+    EXPECT_EQ(ended.code, 0) << ended.err;
+    return difference(scene_file, path("observed.csv"));
+  }
+
+  double difference(const std::string& scene_file, const std::string& states) {
+    const Scene whole = read_scene(path("whole.toml")), part = read_scene(scene_file);
+    StatesReader master(path("master.csv")), of_part(states);
+    StateRow a, b;
+    double squares = 0.0;
+    int rows = 0;
+    while (master.next(a) && of_part.next(b)) {
+      EXPECT_EQ(a.k, b.k);
+      if (a.t < 20.0) continue;
+      const double error =
+          value(whole.model.outputs[0], a.q, a.u) - value(part.model.outputs[0], b.q, b.u);
+      squares += error * error;
+      ++rows;
+    }
+    EXPECT_GT(rows, 500);
+    return std::sqrt(squares / rows);
+  }
+
+  /// Records the whole machine with a sensor that merges bounces within 50 ms.
+  void record(const std::string& whole) {
+    const Ended master =
+        run(MASTER_SIM, {whole, "--duration", "60", "--speed", "max", "--no-lcm", "--tick", "0.05",
+                         "--events", path("events.csv"), "--states", path("master.csv")});
+    ASSERT_EQ(master.code, 0) << master.err;
+    std::ifstream in(path("events.csv"));
+    std::ofstream raw(path("raw.csv"));
+    raw << "impact\n";
+    std::string line;
+    while (std::getline(in, line)) {
+      if (line.ends_with(",1")) raw << line.substr(0, line.find(',')) << '\n';
+    }
+    raw.close();
+    const Ended merged = run(IMPORT_EVENTS, {path("raw.csv"), whole, "--debounce", "0.05",
+                                             "--output", path("merged.csv")});
+    ASSERT_EQ(merged.code, 0) << merged.err;
+  }
+
+ private:
+  void write_matrix(const std::string& name, const Eigen::MatrixXd& matrix) const {
+    std::ofstream out(path(name));
+    out.precision(17);
+    for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+      for (Eigen::Index j = 0; j < matrix.cols(); ++j) out << (j > 0 ? "," : "") << matrix(i, j);
+      out << '\n';
+    }
+  }
+};
+
+TEST_F(KeptModesProgramTest, MergedBouncesAreIdentifiedAndObserved) {
+  write_rig(10);
+  const std::string whole = scene("whole.toml", "", 0.7);
+  record(whole);
+  const Arguments settings = {"--within", "0.2,impact.restitution=3", "--accept"};
+  // Too many modes have bounces that the sensor merges.
+  const Ended many =
+      run(IDENTIFY, Arguments{path("merged.csv"), scene("many.toml", "modes = 6", 0.2)} + settings);
+  EXPECT_EQ(many.code, 3);
+  EXPECT_NE(many.out.find("the sensor merges bounces"), std::string::npos) << many.out;
+  const std::string three = scene("three.toml", "modes = 3", 0.2);
+  const Ended fit = run(
+      IDENTIFY,
+      Arguments{path("merged.csv"), three, "--output", path("fitted.toml"), "--json"} + settings);
+  ASSERT_EQ(fit.code, 0) << fit.out << fit.err;
+  // The fitted scene keeps the file's coordinates and the key.
+  const Scene fitted = read_scene(path("fitted.toml"));
+  ASSERT_TRUE(fitted.kept);
+  EXPECT_EQ(fitted.kept->given(), 20);
+  EXPECT_EQ(fitted.model.coordinates(), 3);
+  const auto object = nlohmann::json::parse(fit.out);
+  for (const auto& parameter : object["parameters"]) {
+    if (parameter["parameter"] != "system.K") continue;
+    const double K = parameter["value"];
+    const Scene nominal = read_scene(three);
+    EXPECT_LT((fitted.model.K - K * nominal.model.K).norm(), 1e-9 * nominal.model.K.norm());
+    EXPECT_NEAR(K, 1.0, 0.02);
+  }
+  // The whole machine's model does not follow the merged events; the fitted one does.
+  const double of_whole = tip_error(whole, "both");
+  const double of_fitted = tip_error(path("fitted.toml"), "both");
+  std::printf("rms of the tip's error: whole machine %.3g, 3 modes fitted %.3g\n", of_whole,
+              of_fitted);
+  EXPECT_LT(of_fitted, 0.3 * of_whole);
+}
+
+TEST_F(KeptModesProgramTest, EveryProgramTakesTheScene) {
+  write_rig(100);
+  const std::string file = scene("part.toml", "modes = 2", 0.6);
+  const Ended master =
+      run(MASTER_SIM, {file, "--duration", "60", "--speed", "max", "--no-lcm", "--tick", "0.05",
+                       "--events", path("merged.csv"), "--states", path("master.csv")});
+  ASSERT_EQ(master.code, 0) << master.err;
+  EXPECT_NE(read_text(path("master.csv")).find("u2,"), std::string::npos);
+  EXPECT_EQ(run(CHECK_SCENE, {file}).code, 0);
+  scene("whole.toml", "modes = 2", 0.6);
+  EXPECT_LT(tip_error(file, "both"), 1e-8);
+  EXPECT_EQ(run(SYNC_LOGGER, {file, "--truth", path("master.csv"), "--estimate",
+                              path("observed.csv"), "--csv", path("V.csv")})
+                .code,
+            0);
+  const Ended diagnosis = run(DIAGNOSE, {path("merged.csv"), file});
+  EXPECT_EQ(diagnosis.code, 0) << diagnosis.out << diagnosis.err;
+  const Ended fit = run(IDENTIFY, {path("merged.csv"), file, "--free", "impact.restitution",
+                                   "--output", path("fitted.toml")});
+  EXPECT_EQ(fit.code, 0) << fit.out << fit.err;
+  EXPECT_NEAR(read_scene(path("fitted.toml")).model.contacts[0].restitution, 0.6, 1e-6);
+  EXPECT_EQ(run(REDUCE, {path("merged.csv"), file, "--modes", "2"}).code, 0);
+  EXPECT_EQ(run(TOLERANCE, {file, "--runs", "1", "--duration", "10", "--estimator", "replica",
+                            "--jobs", "1", "--json"})
+                .code,
+            0);
+}
+
+TEST_F(KeptModesProgramTest, CheckSceneNamesTheKeys) {
+  write_rig(10);
+  const std::string whole = scene("whole.toml", "", 0.7);
+  const Ended ended = run(CHECK_SCENE, {whole, "--accuracy", "3e-2", "--json"});
+  const auto report = nlohmann::json::parse(ended.out);
+  std::string what;
+  for (const auto& finding : report["findings"]) {
+    if (finding["id"] == "accuracy") what = finding["what"];
+  }
+  const std::size_t at = what.find("the scene keeps these with system.modes = ");
+  ASSERT_NE(at, std::string::npos) << what;
+  // The keys are accepted, and give as many coordinates.
+  std::string keys = what.substr(what.find("system.", at));
+  for (std::size_t i; (i = keys.find(", system.")) != std::string::npos;) keys.replace(i, 9, "\n");
+  keys.erase(0, std::string("system.").size());
+  const std::size_t replica = keys.find(", replica.");
+  const std::string of_system = keys.substr(0, replica);
+  EXPECT_EQ(read_scene(scene("part.toml", of_system, 0.7)).model.coordinates(),
+            report["accuracy"].contains("corrected")
+                ? report["accuracy"]["corrected"]["coordinates"].get<int>()
+                : report["accuracy"]["modes"].get<int>())
+      << what;
+}
+
+TEST_F(KeptModesProgramTest, MistakesExitWithTwo) {
+  write_rig(10);
+  for (const auto& [keys, message] : std::vector<std::pair<std::string, std::string>>{
+           {"modes = 0", "system.modes is 0; must be in 1..20"},
+           {"modes = 21", "system.modes is 21; must be in 1..20"},
+           {"modes = 1.5", "system.modes is a float; must be an integer"}}) {
+    const std::string file = scene("bad.toml", keys, 0.7);
+    for (const Ended& ended : {run(MASTER_SIM, {file, "--duration", "1", "--speed", "max",
+                                                "--no-lcm", "--events", path("none.csv")}),
+                               run(CHECK_SCENE, {file})}) {
+      EXPECT_EQ(ended.code, 2);
+      EXPECT_NE(ended.err.find("bad.toml:6:9: " + message), std::string::npos) << ended.err;
+    }
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("none.csv")));
+}
+
+}  // namespace
+}  // namespace sprag
