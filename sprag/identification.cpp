@@ -33,7 +33,8 @@ constexpr double largest_jitter = 0.02;  // a larger scatter is not jitter
 constexpr double close = 3e-4, less_close = 0.0065;
 constexpr double close_in_jitters = 6.0;
 constexpr double search_in_jitters = 30.0;
-constexpr double better_by = 0.5;  // share of the scatter that another minimum must reach
+constexpr double deviations = 1.96;  // half of a 95 % interval
+constexpr double better_by = 0.5;    // share of the scatter that another minimum must reach
 // A flight that nearly touches a support may seem to cross it where its state is most uncertain.
 constexpr double passage_in_jitters = 50.0;
 
@@ -119,6 +120,8 @@ class Identifier {
   bool is_structured(const Identification& result) const;
   bool has_lost_its_scale(const Attempt& best) const;
   void conclude(Attempt& best, Identification& result);
+  void include_record_errors(const Attempt& best, std::span<const std::size_t> held,
+                             Identification& result) const;
   void put_verdict(const Attempt& best, Identification& result) const;
 
   double good() const {
@@ -142,6 +145,8 @@ Stretches Identifier::stretches_of(double closest, bool through_contact,
   if (through_contact) {
     record.can_follow = [nominal = family_.at(family_.nominal())](int contact, ContactSet held,
                                                                   ContactSet staying) {
+      // Motions with held contacts have no response to a record.
+      if (nominal.records() > 0 && (held | staying) != 0) return false;
       return is_one_impact(nominal, contact, held, staying);
     };
   }
@@ -502,21 +507,10 @@ void Identifier::predict(const Attempt& best, const std::vector<std::size_t>& he
 
 // `sigma`: standard deviation of event times.
 void Identifier::put_start(const Likelihood& solution, double sigma, Identification& result) const {
-  const Machine machine = family_.at(solution.values);
-  const Eigen::VectorXd inputs = family_.inputs(solution.values);
   const Eigen::Index n = family_.n();
-  const double t = solution.path.front().start;
-  Eigen::VectorXd y = solution.x0.front().head(n), u = solution.x0.front().tail(n);
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const std::complex<double> z(inputs[2 * g], inputs[2 * g + 1]);
-    const std::complex<double> turn = z * std::polar(1.0, machine.frequencies[g] * t);
-    y += (machine.response.col(g) * turn).real();
-    u += (machine.response.col(g) * (turn * std::complex<double>(0.0, machine.frequencies[g])))
-             .real();
-  }
   const Eigen::MatrixXd& V = family_.V();
-  result.start_t = t;
-  result.start = {V * y, V * u};
+  result.start_t = solution.path.front().start;
+  result.start = state_at_start(family_, solution);
   const Eigen::MatrixXd& covariance = solution.x0_covariance.front();
   const Eigen::MatrixXd of_q = congruent(V.transpose(), covariance.topLeftCorner(n, n));
   const Eigen::MatrixXd of_u = congruent(V.transpose(), covariance.bottomRightCorner(n, n));
@@ -653,6 +647,9 @@ bool Identifier::is_unpredictable(const Attempt& best, const Identification& res
 // Whether another cause of scatter is likelier than jitter. A restitution that scatters from impact
 // to impact is not a wrong model.
 bool Identifier::is_structured(const Identification& result) const {
+  // The interpolation error of a record depends on the motion; the deviations include it.
+  constexpr double explained = 0.3;
+  if (result.record_errors.resolution_scatter > explained * result.scatter) return false;
   return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
@@ -666,8 +663,16 @@ bool Identifier::has_lost_its_scale(const Attempt& best) const {
     set = std::max(
         set, machine.gap_response.col(g).cwiseAbs().maxCoeff() * inputs.segment(2 * g, 2).norm());
   }
+  for (const Stretch& stretch : best.solution.path) {
+    for (const Impact& impact : stretch.impacts) {
+      for (Eigen::Index r = 0; r < machine.records(); ++r) {
+        const double g = recorded_gap(machine, impact.contact, r, impact.t).g;
+        set = std::max(set, std::abs(g * inputs[2 * machine.groups() + r]));
+      }
+    }
+  }
   for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[2 * machine.groups() + j];
+    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[machine.driving() + j];
     set = std::max(set, (machine.W.transpose() * push).cwiseAbs().maxCoeff() * square(interval_));
   }
   set = std::max(set, inputs.tail(machine.W.cols()).cwiseAbs().maxCoeff());
@@ -816,6 +821,35 @@ void Identifier::conclude(Attempt& best, Identification& result) {
   if (best.good()) predict(best, held, result);
   result.departure = estimate_departure(family_.scene(), result);
   include(result.departure, result);
+  include_record_errors(best, held, result);
+}
+
+// The uncertainty by errors of the recorded inputs.
+void Identifier::include_record_errors(const Attempt& best, std::span<const std::size_t> held,
+                                       Identification& result) const {
+  const double sigma = std::max(best.jitter, best.solution.scatter());
+  result.record_errors =
+      estimate_record_errors(family_, best.stretches, best.solution, held, sigma);
+  const RecordErrors& errors = result.record_errors;
+  if (errors.empty()) return;
+  for (std::size_t k = 0; k < result.unknowns.size(); ++k) {
+    FittedUnknown& fitted = result.unknowns[k];
+    const double slope = std::abs(fitted.unknown.slope(fitted.value));
+    fitted.of_record = errors.of(k) * slope;
+    const double sigma_of_all = std::hypot(fitted.sigma, fitted.of_record);
+    const double wider = deviations * (sigma_of_all - fitted.sigma);
+    fitted.sigma = sigma_of_all;
+    fitted.low -= wider;
+    fitted.high += wider;
+    constexpr double largest_share = 0.5;  // of the range of the search
+    const double range = std::max(-fitted.unknown.lowest(), fitted.unknown.highest());
+    if (!(errors.of(k) < largest_share * range)) fitted.determined = false;
+  }
+  const auto add = [](Eigen::VectorXd& all, const Eigen::VectorXd& more) {
+    all = (all.cwiseAbs2() + more.cwiseAbs2()).cwiseSqrt().eval();
+  };
+  add(result.start_sigma.q, errors.start.q);
+  add(result.start_sigma.u, errors.start.u);
 }
 
 }  // namespace
@@ -823,7 +857,16 @@ void Identifier::conclude(Attempt& best, Identification& result) {
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings, std::stop_token stop) {
   const StopScope scope(std::move(stop));
-  return Identifier(scene, events, settings).run();
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
+  const bool noisy = std::any_of(records.begin(), records.end(), [](const RecordedInput& record) {
+    return record.input->noise() > 0.0;
+  });
+  if (!noisy) return Identifier(scene, events, settings).run();
+  // A noisy record makes event times scatter by more than their jitter, and not independently.
+  IdentificationSettings of_scatter = settings;
+  of_scatter.jitter.reset();
+  of_scatter.white = false;
+  return Identifier(scene, events, of_scatter).run();
 }
 
 }  // namespace sprag

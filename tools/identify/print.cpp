@@ -27,7 +27,8 @@ std::string rounded(double value, double sigma) {
 
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
-  if (fitted.unknown.nominal == 0.0 || fitted.unknown.kind == Kind::phase) {
+  if (fitted.unknown.nominal == 0.0 || fitted.unknown.kind == Kind::phase ||
+      fitted.unknown.kind == Kind::delay) {
     return number(change, 3);
   }
   return number(100.0 * change / std::abs(fitted.unknown.nominal), 3) + " %";
@@ -134,6 +135,30 @@ void append_model_error(const IdentifyResult& result, std::string& text) {
           " to " + number(trend.chi2_with, 4) + ".\n";
 }
 
+// Where the recorded inputs limit the accuracy.
+void append_record_errors(const IdentifyResult& result, std::string& text) {
+  const RecordErrors& errors = result.fit.record_errors;
+  if (errors.empty()) return;
+  std::string keys;
+  for (const FittedUnknown& fitted : result.fit.unknowns) {
+    if (!fitted.is_limited_by_record()) continue;
+    keys += (keys.empty() ? "" : ", ") + fitted.unknown.key;
+  }
+  if (keys.empty()) {
+    text += "Noise and interpolation of the recorded input add little to the deviations below.\n";
+  } else {
+    text += "The recorded input limits " + keys +
+            ": more than half of the variance below is by its noise and its interpolation. " +
+            (errors.noise_scatter > errors.resolution_scatter ? "Use a better sensor.\n"
+                                                              : "Sample faster.\n");
+  }
+  if (errors.other_scatter > 0.0) {
+    text += "With the other `interpolation` the times scatter by " +
+            number(errors.other_scatter, 2) + " s only, instead of " +
+            number(result.fit.scatter, 2) + " s.\n";
+  }
+}
+
 void append_events(const IdentifyResult& result, std::string& text) {
   for (const std::size_t i : result.fit.spurious) {
     const ContactEvent& event = result.events[i];
@@ -173,6 +198,7 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   entry["low"] = fitted.low;
   entry["high"] = fitted.high;
   entry["at_bound"] = fitted.at_bound;
+  entry["sigma_by_record"] = fitted.of_record;
   return entry;
 }
 
@@ -221,6 +247,7 @@ std::string to_text(const IdentifyResult& result) {
             " s).\n";
   }
   append_model_error(result, text);
+  append_record_errors(result, text);
   append_events(result, text);
   text += '\n';
   append_table(result, text);
@@ -283,6 +310,19 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
                                    {"gain", error.trend->gain},
                                    {"chi2_without", error.trend->chi2_without},
                                    {"chi2_with", error.trend->chi2_with}};
+  }
+  object["record"] = nullptr;
+  if (const RecordErrors& errors = fit.record_errors; !errors.empty()) {
+    const bool limits =
+        std::any_of(fit.unknowns.begin(), fit.unknowns.end(),
+                    [](const FittedUnknown& fitted) { return fitted.is_limited_by_record(); });
+    object["record"] = {{"limits", limits},
+                        {"noise_scatter", errors.noise_scatter},
+                        {"resolution_scatter", errors.resolution_scatter},
+                        {"other_interpolation_scatter", nullptr}};
+    if (errors.other_scatter > 0.0) {
+      object["record"]["other_interpolation_scatter"] = errors.other_scatter;
+    }
   }
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;

@@ -56,7 +56,6 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
-  refuse_recorded_inputs(scene, "identify");
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");
