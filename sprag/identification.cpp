@@ -647,9 +647,6 @@ bool Identifier::is_unpredictable(const Attempt& best, const Identification& res
 // Whether another cause of scatter is likelier than jitter. A restitution that scatters from impact
 // to impact is not a wrong model.
 bool Identifier::is_structured(const Identification& result) const {
-  // The interpolation error of a record depends on the motion; the deviations include it.
-  constexpr double explained = 0.3;
-  if (result.record_errors.resolution_scatter > explained * result.scatter) return false;
   return settings_.white && !settings_.jitter && result.departure.is_structured();
 }
 
@@ -735,6 +732,8 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
     put_combinations(best, result);
     return refuse(FitProblem::degenerate_orbit);
   }
+  // The effect of a record's errors depends on the motion; the deviations include it.
+  if (result.record_errors.explains(result.scatter)) return;
   if (is_unpredictable(best, result)) return refuse(FitProblem::wrong_model, Misfit::prediction);
   if (is_structured(result)) return refuse(FitProblem::wrong_model, Misfit::structured);
 }
@@ -832,11 +831,18 @@ void Identifier::include_record_errors(const Attempt& best, std::span<const std:
       estimate_record_errors(family_, best.stretches, best.solution, held, sigma);
   const RecordErrors& errors = result.record_errors;
   if (errors.empty()) return;
+  // An estimated jitter is the rest of the scatter, or a share of it that is not known better.
+  constexpr double least = 0.3;
+  double of_jitter = 1.0;
+  if (!settings_.jitter && result.scatter > 0.0) {
+    const double by_record = errors.scatter() / result.scatter;
+    of_jitter = std::sqrt(std::max(1.0 - square(by_record), square(least)));
+  }
   for (std::size_t k = 0; k < result.unknowns.size(); ++k) {
     FittedUnknown& fitted = result.unknowns[k];
     const double slope = std::abs(fitted.unknown.slope(fitted.value));
     fitted.of_record = errors.of(k) * slope;
-    const double sigma_of_all = std::hypot(fitted.sigma, fitted.of_record);
+    const double sigma_of_all = std::hypot(of_jitter * fitted.sigma, fitted.of_record);
     const double wider = deviations * (sigma_of_all - fitted.sigma);
     fitted.sigma = sigma_of_all;
     fitted.low -= wider;

@@ -68,8 +68,8 @@ struct FittedUnknown {
   double correlation = 0.0;  ///< correlation with `partner`
   double of_record = 0.0;    ///< part of `sigma` by errors of recorded inputs
   /// \brief Whether the recorded inputs limit the accuracy, not the events.
-  /// \return true if more than half of the variance is theirs.
-  bool is_limited_by_record() const { return of_record * of_record > 0.5 * sigma * sigma; }
+  /// \return true if about half of the variance or more is theirs.
+  bool is_limited_by_record() const { return of_record > 0.7 * sigma || of_record == infinity; }
 };
 
 /// \brief A combination of undetermined unknowns that the events determine.

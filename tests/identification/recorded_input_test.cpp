@@ -11,6 +11,7 @@
 
 #include "sprag/detail/identification/free_flight.h"
 #include "sprag/detail/identification/recorded_response.h"
+#include "sprag/detail/identification/verdict.h"
 #include "sprag/identification.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
@@ -112,6 +113,199 @@ TEST(RecordedIdentification, FindsGainAndDelay) {
     EXPECT_NEAR(fitted(fit, "force.1.gain").value, gain, 0.01 * gain);
     EXPECT_NEAR(fitted(fit, "force.1.delay").value, delay, 0.05 * delay);
   }
+}
+
+// A fit absorbs the error between samples in its unknowns: without the deviation by the record it
+// would claim thousands of its errors.
+class InterpolationError : public ::testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(TruthIsLinear, InterpolationError, ::testing::Bool());
+
+TEST_P(InterpolationError, IsPartOfTheDeviations) {
+  const bool truth_is_linear = GetParam();
+  constexpr std::uint64_t seed = 72;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  double squares = 0.0, without = 0.0;
+  int values = 0;
+  for (int i = 0; i < 8; ++i) {
+    Scene truth = rattle(random, 1 + i % 2);
+    const SampledInputPointer linear = sampled(0.01, duration + 1.0, {.outside = Outside::hold});
+    SampledInput::Settings settings_of_spline = linear->settings();
+    settings_of_spline.interpolation = Interpolation::spline;
+    Scene given = with_input(truth, *linear);
+    if (truth_is_linear) {
+      given =
+          with_input(truth, {linear->sample_times(), linear->sample_values(), settings_of_spline});
+      truth = with_input(truth, *linear);
+    }
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"impact.restitution", "system.C", "system.K", "force.1.delay"});
+    for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
+    settings.mend = false;
+    const Identification fit = identify(given, events_of(truth, 0.0, seed), settings);
+    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
+              << ", scatter " << fit.scatter << ", by the record "
+              << fit.record_errors.resolution_scatter << ", other "
+              << fit.record_errors.other_scatter << '\n';
+    if (!fit.fits()) continue;
+    for (const FittedUnknown& of : fit.unknowns) {
+      if (!of.determined) continue;
+      const double error = of.value - of.unknown.nominal;
+      const double own = std::sqrt(of.sigma * of.sigma - of.of_record * of.of_record);
+      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
+                << ", without record " << own << '\n';
+      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
+      squares += error * error / (of.sigma * of.sigma);
+      without += error * error / (own * own);
+      ++values;
+    }
+  }
+  std::cout << "NEES " << squares / values << ", without the record " << without / values << " of "
+            << values << '\n';
+  EXPECT_GT(values, 20);
+  EXPECT_LT(squares, 2.0 * values);
+  // Evidence that the trial can fail.
+  EXPECT_GT(without, 4.0 * values);
+}
+
+class SampleNoise : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Shares, SampleNoise, ::testing::Values(0.003, 0.03));
+
+TEST_P(SampleNoise, IsPartOfTheDeviations) {
+  constexpr std::uint64_t seed = 73;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  std::mt19937_64 engine(seed);
+  const double noise = GetParam();
+  double squares = 0.0;
+  int values = 0;
+  for (int i = 0; i < 8; ++i) {
+    const Scene truth = rattle(random, 1 + i % 2);
+    const Scene given = with_input(
+        truth,
+        *sampled(0.01, duration + 1.0,
+                 {.interpolation = Interpolation::spline, .outside = Outside::hold, .noise = noise},
+                 noise, &engine));
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"impact.restitution", "force.1.gain", "force.1.delay"});
+    settings.jitter = 1e-5;
+    settings.mend = false;
+    const Identification fit = identify(given, events_of(truth, 1e-5, seed), settings);
+    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
+              << ", scatter " << fit.scatter << ", by noise " << fit.record_errors.noise_scatter
+              << '\n';
+    if (!fit.fits()) continue;
+    for (const FittedUnknown& of : fit.unknowns) {
+      if (!of.determined) continue;
+      const double truth_of = of.unknown.key == "force.1.delay" ? 0.0 : of.unknown.nominal;
+      const double error = of.value - truth_of;
+      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
+                << ", by record " << of.of_record << '\n';
+      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
+      squares += error * error / (of.sigma * of.sigma);
+      ++values;
+    }
+  }
+  std::cout << "NEES " << squares / values << " of " << values << '\n';
+  EXPECT_GT(values, 20);
+  EXPECT_LT(squares, 2.0 * values);
+  EXPECT_GT(squares, 0.2 * values);
+}
+
+// A given jitter does not hide that the record is too coarse.
+TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
+  constexpr std::uint64_t seed = 74;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  const Scene truth = rattle(random, 1);
+  const Scene given = with_input(truth, *sampled(0.02, duration + 1.0, {.outside = Outside::hold}));
+  const auto events = events_of(truth, 1e-7, seed);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(given, {"impact.restitution"});
+  settings.jitter = 1e-7;
+  settings.mend = false;
+  const Identification fit = identify(given, events, settings);
+  ASSERT_EQ(fit.problem, FitProblem::wrong_model);
+  EXPECT_TRUE(fit.record_errors.explains(fit.scatter));
+  EXPECT_NE(reason_of(fit).find("recorded input"), std::string::npos) << reason_of(fit);
+  // Within a jitter that covers the scatter, the record limits the value.
+  settings.jitter = 2.0 * fit.scatter;
+  const Identification wide = identify(given, events, settings);
+  ASSERT_TRUE(wide.fits());
+  const FittedUnknown& epsilon = wide.unknowns.front();
+  std::cout << "restitution " << epsilon.value << " +- " << epsilon.sigma << ", by the record "
+            << epsilon.of_record << '\n';
+  EXPECT_GT(epsilon.of_record, 0.0);
+  EXPECT_LT(std::abs(epsilon.value - 0.7), 4.0 * epsilon.sigma);
+}
+
+// A frame whose displacement was recorded moves supports on the ground.
+TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
+  constexpr std::uint64_t seed = 75;
+  std::cout << "seed " << seed << '\n';
+  constexpr double dt = 0.002, delay = 0.5 * dt;
+  const auto e = [](double t) {
+    return 0.004 * std::sin(11.0 * t) + 0.002 * std::sin(t * (17.0 + 0.3 * t));
+  };
+  const auto record = [&](double every, double shift) {
+    std::vector<double> t, values;
+    for (int k = -5; every * k < duration + 1.0; ++k) {
+      t.push_back(every * k - shift);
+      values.push_back(e(every * k));
+    }
+    return SampledInput(t, values, {.interpolation = Interpolation::spline, .displacement = true});
+  };
+  Random random(seed);
+  for (const Eigen::Index f : {1, 2}) {
+    Scene scene = rattle(random, f);
+    scene.model.forces.clear();
+    scene.frame.emplace();
+    scene.frame->influence = Eigen::VectorXd::Ones(f);
+    const auto with_record = [&](const SampledInput& input) {
+      Scene changed = scene;
+      const auto shared = std::make_shared<const SampledInput>(input);
+      changed.frame->input = shared;
+      changed.model.forces.push_back(frame_force(changed.model.M, *changed.frame));
+      for (int i = 0; i < 2; ++i) {
+        Contact& contact = changed.model.contacts[static_cast<std::size_t>(i)];
+        contact.clearance = 0.01;
+        contact.input = shared;
+        contact.input_share = contact.w.dot(changed.frame->influence);
+        changed.frame->on_ground.push_back(i);
+      }
+      return changed;
+    };
+    const auto events = events_of(with_record(record(2e-4, 0.0)), 0.0, seed);
+    const Scene given = with_record(record(dt, delay));
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"excitation.delay", "excitation.gain", "impact.restitution"});
+    settings.jitter = 1e-5;
+    const Identification fit = identify(given, events, settings);
+    ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << ", scatter " << fit.scatter;
+    std::cout << "delay " << fit.unknowns[0].value << " +- " << fit.unknowns[0].sigma << ", gain "
+              << fit.unknowns[1].value << " +- " << fit.unknowns[1].sigma << '\n';
+    EXPECT_NEAR(fit.unknowns[0].value, delay, 0.05 * delay);
+    EXPECT_NEAR(fit.unknowns[1].value, 1.0, 1e-3);
+    EXPECT_EQ(fit.fitted.frame->input, fit.fitted.model.forces[0].input);
+    EXPECT_EQ(fit.fitted.model.contacts[1].input, fit.fitted.model.forces[0].input);
+    EXPECT_EQ(fit.fitted.frame->input->settings().delay, fit.unknowns[0].value);
+  }
+}
+
+TEST(RecordedIdentification, KeysAndScale) {
+  Random random(76);
+  const Scene scene = rattle(random, 1);
+  // The gain sets the scale, unless a clearance is known.
+  const auto has = [](const std::vector<Unknown>& unknowns, const std::string& key) {
+    return std::any_of(unknowns.begin(), unknowns.end(),
+                       [&](const Unknown& unknown) { return unknown.key == key; });
+  };
+  EXPECT_FALSE(has(all_but_the_scale(scene), "force.1.gain"));
+  EXPECT_TRUE(has(all_but_the_scale(scene), "force.1.delay"));
+  EXPECT_TRUE(has(all_but_the_scale(scene, {"contact.1.clearance"}), "force.1.gain"));
 }
 
 }  // namespace

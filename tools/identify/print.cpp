@@ -108,7 +108,9 @@ void append_causes(const IdentifyResult& result, std::string& text) {
 
 void append_model_error(const IdentifyResult& result, std::string& text) {
   const Departure& error = result.fit.departure;
-  if (error.is_drift()) {
+  if (result.fit.record_errors.explains(result.fit.scatter)) {
+    text += "The recorded input explains the scatter; a drift of the machine is not visible.\n";
+  } else if (error.is_drift()) {
     const DriftEstimate& drift = *error.drift;
     text += "The machine drifts from its model: drift " + number(drift.drift, 2) + " (" +
             number(drift.low, 2) + " to " + number(drift.high, 2) + "), jitter beside it " +
@@ -148,7 +150,7 @@ void append_record_errors(const IdentifyResult& result, std::string& text) {
     text += "Noise and interpolation of the recorded input add little to the deviations below.\n";
   } else {
     text += "The recorded input limits " + keys +
-            ": more than half of the variance below is by its noise and its interpolation. " +
+            ": about half of the variance below or more is by its noise and its interpolation. " +
             (errors.noise_scatter > errors.resolution_scatter ? "Use a better sensor.\n"
                                                               : "Sample faster.\n");
   }

@@ -65,6 +65,9 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   const RecordedEvents recorded =
       read_recorded_events(run.log, static_cast<int>(scene.model.contacts.size()), run.duration,
                            AfterLoss::used, common, report);
+  if (!recorded.events.empty()) {
+    require_inputs_until(scene, recorded.events.back().t, "--duration");
+  }
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;

@@ -49,13 +49,14 @@ std::optional<SampledInput> thinned(const SampledInput& input) {
 }
 
 // The record moved away from itself at half of the sampling rate by its estimated error.
-SampledInputPointer coarser(const SampledInputPointer& input) {
+// `times` that error, for a fit that does not converge under all of it.
+SampledInputPointer coarser(const SampledInputPointer& input, double times) {
   const std::optional<SampledInput> half = thinned(*input);
   if (!half) return input;
   const SampledInput::Settings& settings = input->settings();
   // The acceleration of a displacement's spline has the order 2.
   const bool fourth = settings.interpolation == Interpolation::spline && !settings.displacement;
-  const double share = fourth ? 1.0 / 15.0 : 1.0 / 3.0;
+  const double share = times * (fourth ? 1.0 / 15.0 : 1.0 / 3.0);
   const std::vector<double>& t = input->sample_times();
   std::vector<double> errors(t.size(), 0.0);
   for (std::size_t k = 1; k + 1 < t.size(); k += 2) {
@@ -163,26 +164,33 @@ void add_noise(const MachineFamily& family, const RecordTrials& trials, RecordEr
 
 void add_resolution(const Likelihood& optimum, double sigma, const RecordTrials& trials,
                     RecordErrors& errors) {
-  const auto add = [&](const Refit& refit) {
-    errors.resolution = errors.resolution.cwiseMax(refit.changes.cwiseAbs());
-    errors.start.q = errors.start.q.cwiseMax(refit.start.q.cwiseAbs());
-    errors.start.u = errors.start.u.cwiseMax(refit.start.u.cwiseAbs());
+  const auto add = [&](const Refit& refit, double factor) {
+    errors.resolution = errors.resolution.cwiseMax(factor * refit.changes.cwiseAbs());
+    errors.start.q = errors.start.q.cwiseMax(factor * refit.start.q.cwiseAbs());
+    errors.start.u = errors.start.u.cwiseMax(factor * refit.start.u.cwiseAbs());
   };
-  if (const auto refit = trials.with(coarser)) {
-    add(*refit);
-    // The change adds to an error of the same size, which doubles the residuals.
-    errors.resolution_scatter = trials.scatter_of(refit->solution.squares, 1.0 / 3.0);
-  } else {
-    errors.resolution.setConstant(infinity);
+  bool done = false;
+  for (const double times : {1.0, 0.25, 0.0625}) {
+    const auto refit =
+        trials.with([&](const SampledInputPointer& input) { return coarser(input, times); });
+    if (!refit) continue;
+    add(*refit, 1.0 / times);
+    // The change adds to an error of 1 / times the size: (1 + times)^2 times the squares.
+    errors.resolution_scatter =
+        trials.scatter_of(refit->solution.squares, 1.0 / (times * (2.0 + times)));
+    done = true;
+    break;
   }
+  if (!done) errors.resolution.setConstant(infinity);
   // In standard deviations: the events rule out an interpolation whose fit is worse by that.
   constexpr double ruled_out = 4.0, far_smaller = 0.5;
   const auto other = trials.with(interpolated_otherwise);
   if (!other) return;
   if (other->solution.squares - optimum.squares > square(ruled_out * sigma)) return;
-  add(*other);
+  add(*other, 1.0);
   if (other->solution.scatter() < far_smaller * optimum.scatter()) {
     errors.other_scatter = other->solution.scatter();
+    errors.resolution_scatter = std::max(errors.resolution_scatter, optimum.scatter());
   }
 }
 

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -28,6 +29,10 @@ struct RecordErrors {
   double other_scatter = 0.0;
 
   bool empty() const { return resolution.size() == 0; }
+  /// The larger one of both scatters [s].
+  double scatter() const { return std::max(noise_scatter, resolution_scatter); }
+  /// Whether they explain the scatter of a fit [s].
+  bool explains(double of_fit) const { return scatter() > 0.3 * of_fit; }
   /// Of unknown k, by both.
   double of(std::size_t k) const;
 };

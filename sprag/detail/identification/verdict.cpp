@@ -47,11 +47,9 @@ std::string of_wrong_model(const Identification& fit) {
 // Whether a recorded input may be the reason for a wrong model.
 std::string of_record(const Identification& fit) {
   const RecordErrors& errors = fit.record_errors;
-  const double explained = std::max(errors.noise_scatter, errors.resolution_scatter);
-  constexpr double share = 0.3;
-  if (!(explained > share * fit.scatter)) return "";
+  if (!errors.explains(fit.scatter)) return "";
   return " Noise and interpolation of the recorded input alone explain a scatter of " +
-         short_number(explained, 2) + " s: a faster or better record comes first.";
+         short_number(errors.scatter(), 2) + " s: a faster or better record comes first.";
 }
 
 }  // namespace
