@@ -33,7 +33,8 @@ constexpr double largest_jitter = 0.02;  // a larger scatter is not jitter
 constexpr double close = 3e-4, less_close = 0.0065;
 constexpr double close_in_jitters = 6.0;
 constexpr double search_in_jitters = 30.0;
-constexpr double better_by = 0.5;  // share of the scatter that another minimum must reach
+constexpr double deviations = 1.96;  // half of a 95 % interval
+constexpr double better_by = 0.5;    // share of the scatter that another minimum must reach
 // A flight that nearly touches a support may seem to cross it where its state is most uncertain.
 constexpr double passage_in_jitters = 50.0;
 
@@ -141,6 +142,8 @@ class Identifier {
   bool is_structured(const Identification& result) const;
   bool has_lost_its_scale(const Attempt& best) const;
   void conclude(Attempt& best, Identification& result);
+  void include_record_errors(const Attempt& best, std::span<const std::size_t> held,
+                             Identification& result) const;
   void put_verdict(const Attempt& best, Identification& result) const;
 
   double good() const {
@@ -164,6 +167,8 @@ Stretches Identifier::stretches_of(double closest, bool through_contact,
   if (through_contact) {
     record.can_follow = [nominal = family_.at(family_.nominal())](int contact, ContactSet held,
                                                                   ContactSet staying) {
+      // Motions with held contacts have no response to a record.
+      if (nominal.records() > 0 && (held | staying) != 0) return false;
       return is_one_impact(nominal, contact, held, staying);
     };
   }
@@ -540,13 +545,7 @@ void Identifier::put_start(const Likelihood& solution, double sigma, Identificat
     covariance = congruent(turn.transpose(), covariance);
     t = shift;
   }
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const std::complex<double> z(inputs[2 * g], inputs[2 * g + 1]);
-    const std::complex<double> turn = z * std::polar(1.0, machine.frequencies[g] * t);
-    y += (machine.response.col(g) * turn).real();
-    u += (machine.response.col(g) * (turn * std::complex<double>(0.0, machine.frequencies[g])))
-             .real();
-  }
+  add_driven_motion(machine, inputs, t, y, u);
   const Eigen::MatrixXd& V = family_.V();
   result.start_t = (t - shift) / scale;
   result.begins = settings_.begins == 0.0 ? 0.0 : (settings_.begins - shift) / scale;
@@ -700,8 +699,16 @@ bool Identifier::has_lost_its_scale(const Attempt& best) const {
     set = std::max(
         set, machine.gap_response.col(g).cwiseAbs().maxCoeff() * inputs.segment(2 * g, 2).norm());
   }
+  for (const Stretch& stretch : best.solution.path) {
+    for (const Impact& impact : stretch.impacts) {
+      for (Eigen::Index r = 0; r < machine.records(); ++r) {
+        const double g = recorded_gap(machine, impact.contact, r, impact.t).g;
+        set = std::max(set, std::abs(g * inputs[2 * machine.groups() + r]));
+      }
+    }
+  }
   for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[2 * machine.groups() + j];
+    const Eigen::VectorXd push = machine.constant_forces.col(j) * inputs[machine.driving() + j];
     set = std::max(set, (machine.W.transpose() * push).cwiseAbs().maxCoeff() * square(interval_));
   }
   set = std::max(set, inputs.tail(machine.W.cols()).cwiseAbs().maxCoeff());
@@ -764,6 +771,8 @@ void Identifier::put_verdict(const Attempt& best, Identification& result) const 
     put_combinations(best, result);
     return refuse(FitProblem::degenerate_orbit);
   }
+  // The effect of a record's errors depends on the motion; the deviations include it.
+  if (result.record_errors.explains(result.scatter)) return;
   if (is_unpredictable(best, result)) return refuse(FitProblem::wrong_model, Misfit::prediction);
   if (is_structured(result)) return refuse(FitProblem::wrong_model, Misfit::structured);
 }
@@ -850,6 +859,42 @@ void Identifier::conclude(Attempt& best, Identification& result) {
   if (best.good()) predict(best, held, result);
   result.departure = estimate_departure(family_.scene(), result);
   include(result.departure, result);
+  include_record_errors(best, held, result);
+}
+
+// The uncertainty by errors of the recorded inputs.
+void Identifier::include_record_errors(const Attempt& best, std::span<const std::size_t> held,
+                                       Identification& result) const {
+  const double sigma = std::max(best.jitter, best.solution.scatter());
+  result.record_errors =
+      estimate_record_errors(family_, best.stretches, best.solution, held, sigma);
+  const RecordErrors& errors = result.record_errors;
+  if (errors.empty()) return;
+  // An estimated jitter is the rest of the scatter, or a share of it that is not known better.
+  constexpr double least = 0.3;
+  double of_jitter = 1.0;
+  if (!settings_.jitter && result.scatter > 0.0) {
+    const double by_record = errors.scatter() / result.scatter;
+    of_jitter = std::sqrt(std::max(1.0 - square(by_record), square(least)));
+  }
+  for (std::size_t k = 0; k < result.unknowns.size(); ++k) {
+    FittedUnknown& fitted = result.unknowns[k];
+    const double slope = std::abs(fitted.unknown.slope(fitted.value));
+    fitted.of_record = errors.of(k) * slope;
+    const double sigma_of_all = std::hypot(of_jitter * fitted.sigma, fitted.of_record);
+    const double wider = deviations * (sigma_of_all - fitted.sigma);
+    fitted.sigma = sigma_of_all;
+    fitted.low -= wider;
+    fitted.high += wider;
+    constexpr double largest_share = 0.5;  // of the range of the search
+    const double range = std::max(-fitted.unknown.lowest(), fitted.unknown.highest());
+    if (!(errors.of(k) < largest_share * range)) fitted.determined = false;
+  }
+  const auto add = [](Eigen::VectorXd& all, const Eigen::VectorXd& more) {
+    all = (all.cwiseAbs2() + more.cwiseAbs2()).cwiseSqrt().eval();
+  };
+  add(result.start_sigma.q, errors.start.q);
+  add(result.start_sigma.u, errors.start.u);
 }
 
 }  // namespace
@@ -858,6 +903,13 @@ Identification identify(const Scene& scene, std::span<const ContactEvent> events
                         const IdentificationSettings& settings, std::stop_token stop) {
   const StopScope scope(std::move(stop));
   IdentificationSettings determinable = settings;
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
+  if (std::any_of(records.begin(), records.end(),
+                  [](const RecordedInput& record) { return record.input->noise() > 0.0; })) {
+    // A noisy record makes event times scatter by more than their jitter, and not independently.
+    determinable.jitter.reset();
+    determinable.white = false;
+  }
   std::vector<ClockAmbiguity> ambiguities;
   std::vector<FittedUnknown> held;
   std::erase_if(determinable.unknowns, [&](const Unknown& unknown) {

@@ -10,6 +10,10 @@
 /// 5. determination.h finds by the profile likelihood which parameters the events determine.
 /// 6. The first four fifths of the recording must predict the last fifth.
 ///
+/// Recorded inputs: their response is computed again for every machine. 7. record_errors.h adds the
+/// effect of their noise and resolution. If their samples have a stated noise, the jitter is
+/// estimated even if it is given, because the noise makes event times scatter as well.
+///
 /// The result has one verdict (FitProblem). No other part of a result judges the fit. Contacts,
 /// events and unknowns are counted from 0.
 #pragma once
@@ -27,6 +31,7 @@
 #include "sprag/detail/identification/departure.h"
 #include "sprag/detail/identification/maximum_likelihood.h"
 #include "sprag/detail/identification/record.h"
+#include "sprag/detail/identification/record_errors.h"
 #include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/unknowns.h"
@@ -62,6 +67,10 @@ struct FittedUnknown {
   bool at_bound = false;
   int partner = -1;          ///< determined unknown with the largest correlation; -1: none
   double correlation = 0.0;  ///< correlation with `partner`
+  double of_record = 0.0;    ///< part of `sigma` by errors of recorded inputs
+  /// \brief Whether the recorded inputs limit the accuracy, not the events.
+  /// \return true if about half of the variance or more is theirs.
+  bool is_limited_by_record() const { return of_record > 0.7 * sigma || of_record == infinity; }
 };
 
 /// \brief A combination of undetermined unknowns that the events determine.
@@ -135,9 +144,10 @@ struct Identification {
   double inside_from = 0.0, inside_to = 0.0;  ///< for FitProblem::lost_or_spurious_events [s]
   std::vector<std::size_t> spurious;          ///< indices of spurious events
   std::vector<MissingImpact> missing;         ///< impacts without an event
-  Likelihood likelihood;  ///< the solution: path and covariance, for the stretches `measured`
-  Stretches measured;     ///< impacts with their measured times
-  Departure departure;    ///< other causes of scatter than jitter; included in the sigmas
+  Likelihood likelihood;       ///< the solution: path and covariance, for the stretches `measured`
+  Stretches measured;          ///< impacts with their measured times
+  Departure departure;         ///< other causes of scatter than jitter; included in the sigmas
+  RecordErrors record_errors;  ///< errors of the recorded inputs; included in the sigmas
   /// \brief Values of all unknowns at other minima that fit as well.
   std::vector<Eigen::VectorXd> others;
 

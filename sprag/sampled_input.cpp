@@ -69,6 +69,12 @@ std::vector<double> spline_curvatures(const std::vector<double>& t, std::span<co
 
 }  // namespace
 
+InputDerivatives moved_by(const InputDerivatives& at, double tau) {
+  InputDerivatives d{};
+  for (std::size_t j = 0; j < d.size(); ++j) d[j] = shifted(at, j, tau);
+  return d;
+}
+
 SampledInput::SampledInput(std::span<const double> t, std::span<const double> values,
                            Settings settings)
     : settings_(std::move(settings)) {
@@ -85,10 +91,17 @@ SampledInput::SampledInput(std::span<const double> t, std::span<const double> va
   require(!settings_.displacement || (settings_.interpolation == Interpolation::spline &&
                                       settings_.outside == Outside::error),
           "a displacement needs interpolation by a spline, and has no values outside");
-  set_knots(t);
-  interpolate(values);
+  require(std::isfinite(settings_.gain) && settings_.gain != 0.0, "the gain must not be 0");
+  require(std::isfinite(settings_.delay), "the delay must be finite");
+  samples_ = std::make_shared<const Samples>(
+      Samples{{t.begin(), t.end()}, {values.begin(), values.end()}});
+  std::vector<double> times = samples_->t, scaled = samples_->values;
+  for (double& time : times) time += settings_.delay;
+  for (double& value : scaled) value *= settings_.gain;
+  set_knots(times);
+  interpolate(scaled);
   integrate();
-  measure(values);
+  measure(scaled);
   extend();
 }
 
@@ -226,10 +239,7 @@ std::size_t SampledInput::interval(double t) const {
 }
 
 InputDerivatives SampledInput::derivatives(std::size_t k, double tau) const {
-  if (tau == 0.0) return pieces_[k];
-  InputDerivatives d{};
-  for (std::size_t j = 0; j < d.size(); ++j) d[j] = shifted(pieces_[k], j, tau);
-  return d;
+  return tau == 0.0 ? pieces_[k] : moved_by(pieces_[k], tau);
 }
 
 double SampledInput::value(double t) const {
@@ -245,6 +255,19 @@ double SampledInput::displacement(double t) const {
 double SampledInput::velocity(double t) const {
   const std::size_t k = interval(t);
   return shifted(pieces_[k], 1, t - knots_[k]);
+}
+
+SampledInput with_gain_and_delay(const SampledInput& input, double gain, double delay) {
+  SampledInput::Settings settings = input.settings();
+  settings.gain = gain;
+  settings.delay = delay;
+  return {input.sample_times(), input.sample_values(), std::move(settings)};
+}
+
+SampledInput with_errors(const SampledInput& input, std::span<const double> errors) {
+  std::vector<double> values = input.sample_values();
+  for (std::size_t k = 0; k < values.size(); ++k) values[k] += errors[k];
+  return {input.sample_times(), values, input.settings()};
 }
 
 }  // namespace sprag

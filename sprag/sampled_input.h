@@ -8,6 +8,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <memory>
@@ -33,6 +34,12 @@ enum class Outside {
 /// \brief Derivatives 0 to 5 of e(t): e, e', a, a', a'', a'''.
 using InputDerivatives = std::array<double, 6>;
 
+/// \brief Derivatives on the same polynomial at another time.
+/// \param at derivatives at some time.
+/// \param tau time since then, of any sign [s].
+/// \return the derivatives there.
+InputDerivatives moved_by(const InputDerivatives& at, double tau);
+
 /// \brief A sampled input. It does not change after construction; models share it.
 class SampledInput {
  public:
@@ -43,6 +50,10 @@ class SampledInput {
     bool displacement = false;                            ///< the samples are e(t), else a(t)
     double noise = 0.0;     ///< standard deviation of the samples' errors, >= 0
     std::string name = {};  ///< name in messages, for example the file
+    /// \brief Gain of the sensor: a(t), or e(t) of a displacement, is gain times the sample of time
+    /// t - delay; not 0.
+    double gain = 1.0;
+    double delay = 0.0;  ///< delay of the record: what its times lack of the machine's time [s]
   };
 
   /// \brief Interpolates samples. Sample times that are evenly spaced up to 1e-6 of the spacing
@@ -58,6 +69,15 @@ class SampledInput {
   /// \brief Settings given at construction.
   /// \return the settings.
   const Settings& settings() const { return settings_; }
+  /// \brief Samples given at construction, without gain and delay.
+  /// \return the times [s].
+  const std::vector<double>& sample_times() const { return samples_->t; }
+  /// \copybrief sample_times
+  /// \return the values.
+  const std::vector<double>& sample_values() const { return samples_->values; }
+  /// \brief Standard deviation of the errors of a, or of e of a displacement, at the samples.
+  /// \return |gain| times Settings::noise.
+  double noise() const { return std::abs(settings_.gain) * settings_.noise; }
   /// \brief Interval between samples; the mean interval if it varies.
   /// \return dt [s].
   double spacing() const { return spacing_; }
@@ -125,7 +145,12 @@ class SampledInput {
   void extend();
   void measure(std::span<const double> values);
 
+  struct Samples {
+    std::vector<double> t, values;
+  };
+
   Settings settings_;
+  std::shared_ptr<const Samples> samples_;
   std::vector<double> knots_;
   std::vector<InputDerivatives> pieces_;
   double first_ = 0.0, spacing_ = 0.0;
@@ -136,5 +161,17 @@ class SampledInput {
 
 /// \brief Shared constant input; null: none.
 using SampledInputPointer = std::shared_ptr<const SampledInput>;
+
+/// \brief The same samples with another gain and delay.
+/// \param input the input.
+/// \param gain Settings::gain, not 0.
+/// \param delay Settings::delay [s].
+/// \return the input.
+SampledInput with_gain_and_delay(const SampledInput& input, double gain, double delay);
+/// \brief The same input with other errors of its samples.
+/// \param input the input.
+/// \param errors added to SampledInput::sample_values(), as many.
+/// \return the input.
+SampledInput with_errors(const SampledInput& input, std::span<const double> errors);
 
 }  // namespace sprag

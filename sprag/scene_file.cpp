@@ -45,6 +45,7 @@ struct FrameMotion {
 FrameMotion read_frame_motion(const TomlTable& table) {
   FrameMotion motion;
   if (table.has("file")) motion.input = read_frame_input(table);
+  if (!motion.input) refuse_record_keys(table);
   if (motion.input && !has_harmonic_keys(table)) return motion;
   motion.harmonic = read_harmonic(table);
   const Harmonic& excitation = motion.harmonic;
@@ -154,9 +155,10 @@ Contact read_beam_contact(const TomlTable& table, const Beam& beam, const FrameM
 std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, Scene& scene) {
   if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
   const Beam beam = read_beam_table(table);
-  const auto frame = root.table("excitation", {"amplitude", "frequency", "phase", "file", "time",
-                                               "acceleration", "displacement", "quantity", "unit",
-                                               "interpolation", "outside", "uncertainty"});
+  const auto frame =
+      root.table("excitation",
+                 {"amplitude", "frequency", "phase", "file", "time", "acceleration", "displacement",
+                  "quantity", "unit", "interpolation", "outside", "uncertainty", "gain", "delay"});
   const FrameMotion excitation = frame ? read_frame_motion(*frame) : FrameMotion{};
   scene.beam = beam;
   scene.model = beam_model(beam, excitation.harmonic);
@@ -201,6 +203,7 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
   const bool oscillates = has_harmonic_keys(table);
   if (oscillates) force.harmonic = read_harmonic(table);
   if (table.has("file")) force.input = read_force_input(table);
+  if (!force.input) refuse_record_keys(table);
   if (!oscillates && !force.input && !table.has("constant")) {
     table.fail_here("missing key " + table.path_of("constant") + " or " +
                     table.path_of("amplitude"));
@@ -210,9 +213,9 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
 
 void read_system_frame(const TomlTable& root, Scene& scene) {
   const auto table =
-      root.table("excitation",
-                 {"influence", "amplitude", "frequency", "phase", "file", "time", "acceleration",
-                  "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty"});
+      root.table("excitation", {"influence", "amplitude", "frequency", "phase", "file", "time",
+                                "acceleration", "displacement", "quantity", "unit", "interpolation",
+                                "outside", "uncertainty", "gain", "delay"});
   if (!table) return;
   Model& model = scene.model;
   Eigen::VectorXd influence = one_or_each(*table, "influence", model.coordinates());
@@ -355,8 +358,9 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   model.K = read_semidefinite(table, "K", f);
   ratios = read_system_damping(table, model);
   for (const TomlTable& force :
-       root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase", "file",
-                             "time", "force", "unit", "interpolation", "outside", "uncertainty"})) {
+       root.tables("force",
+                   {"direction", "constant", "amplitude", "frequency", "phase", "file", "time",
+                    "force", "unit", "interpolation", "outside", "uncertainty", "gain", "delay"})) {
     model.forces.push_back(read_force(force, f));
   }
   read_system_frame(root, scene);

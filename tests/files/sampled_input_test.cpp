@@ -219,5 +219,42 @@ TEST(SampledInput, OutsideIsZeroOrHeld) {
   EXPECT_EQ(SampledInput(t, a, {}).end(), 4.0);
 }
 
+TEST_F(RecordedInput, GainAndDelay) {
+  const Scene plain = scene_of(good_record, "unit = 2.0\n");
+  const Scene same = scene_of(good_record, "unit = 2.0\ngain = 1.0\ndelay = 0.0\n");
+  const Scene other = scene_of(good_record, "unit = 2.0\ngain = -1.5\ndelay = -0.025\n");
+  const SampledInput& input = *plain.model.forces.at(0).input;
+  const SampledInput& changed = *other.model.forces.at(0).input;
+  for (const double t : {0.0, 0.05, 0.31, 0.5}) {
+    EXPECT_EQ(same.model.forces.at(0).input->value(t), input.value(t));
+    EXPECT_NEAR(changed.value(t), -1.5 * input.value(t + 0.025), 1e-13);
+  }
+  EXPECT_DOUBLE_EQ(changed.last(), 0.575);
+  const SampledInput back = with_gain_and_delay(changed, 1.0, 0.0);
+  EXPECT_EQ(back.knots(), input.knots());
+  EXPECT_EQ(back.value(0.31), input.value(0.31));
+  EXPECT_EQ(
+      scene_of(good_record, "gain = -2.0\nuncertainty = 0.1\n").model.forces[0].input->noise(),
+      0.2);
+}
+
+TEST_F(RecordedInput, BadGainAndDelay) {
+  expect_error(good_record, "x.toml:10:8: excitation.gain is 0", "gain = 0.0\n");
+  expect_error(good_record, "x.toml:9:8: excitation.file begins at t = 0.1 with its delay",
+               "delay = 0.1\n");
+  std::string text(recorded_beam);
+  const std::string line = "file = \"base.csv\"\n";
+  text.replace(text.find(line), line.size(), "amplitude = 1.0\nfrequency = 2.0\ndelay = 0.1\n");
+  test::write_text(path("y.toml"), text);
+  try {
+    read_scene(path("y.toml"));
+    FAIL();
+  } catch (const SceneError& error) {
+    EXPECT_NE(std::string(error.what()).find("excitation.delay is for a recorded input"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
 }  // namespace
 }  // namespace sprag

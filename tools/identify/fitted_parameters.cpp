@@ -14,8 +14,8 @@ using Kind = Unknown::Kind;
 // The standard deviation in the unit of the key in the written scene.
 double sigma_in(const Scene& written, const FittedUnknown& of) {
   const Kind kind = of.unknown.kind;
-  const bool absolute =
-      kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset;
+  const bool absolute = kind == Kind::phase || kind == Kind::clearance ||
+                        kind == Kind::clock_offset || kind == Kind::delay;
   if (absolute || of.value == 0.0) return of.sigma;
   return of.sigma * std::abs(unknown_of(written, of.unknown.key).nominal / of.value);
 }
@@ -56,6 +56,8 @@ Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std:
 
 FittedParameters fitted_parameters(const Identification& fit, const Scene& written) {
   FittedParameters result;
+  // [parameters] is not supported with a recorded input.
+  if (has_sampled_inputs(written.model)) return result;
   ParameterUncertainty& uncertainty = result.uncertainty;
   std::vector<std::size_t> numbers;
   std::vector<double> sigma;

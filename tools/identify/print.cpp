@@ -27,8 +27,8 @@ std::string rounded(double value, double sigma) {
 
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
-  const bool absolute =
-      fitted.unknown.kind == Kind::phase || fitted.unknown.kind == Kind::clock_offset;
+  const bool absolute = fitted.unknown.kind == Kind::phase || fitted.unknown.kind == Kind::delay ||
+                        fitted.unknown.kind == Kind::clock_offset;
   if (fitted.unknown.nominal == 0.0 || absolute) return number(change, 3);
   if (fitted.unknown.kind == Kind::clock_rate) {
     return number(1e6 * change / fitted.unknown.nominal, 4) + " ppm";
@@ -115,7 +115,9 @@ void append_causes(const IdentifyResult& result, std::string& text) {
 
 void append_model_error(const IdentifyResult& result, std::string& text) {
   const Departure& error = result.fit.departure;
-  if (error.is_drift()) {
+  if (result.fit.record_errors.explains(result.fit.scatter)) {
+    text += "The recorded input explains the scatter; a drift of the machine is not visible.\n";
+  } else if (error.is_drift()) {
     const DriftEstimate& drift = *error.drift;
     text += "The machine drifts from its model: drift " + number(drift.drift, 2) + " (" +
             number(drift.low, 2) + " to " + number(drift.high, 2) + "), jitter beside it " +
@@ -140,6 +142,30 @@ void append_model_error(const IdentifyResult& result, std::string& text) {
           rounded(std::abs(trend.trend), trend.sigma) + " +- " + number(trend.sigma, 2) +
           " per unit of the impact's speed: chi^2 falls from " + number(trend.chi2_without, 4) +
           " to " + number(trend.chi2_with, 4) + ".\n";
+}
+
+// Where the recorded inputs limit the accuracy.
+void append_record_errors(const IdentifyResult& result, std::string& text) {
+  const RecordErrors& errors = result.fit.record_errors;
+  if (errors.empty()) return;
+  std::string keys;
+  for (const FittedUnknown& fitted : result.fit.unknowns) {
+    if (!fitted.is_limited_by_record()) continue;
+    keys += (keys.empty() ? "" : ", ") + fitted.unknown.key;
+  }
+  if (keys.empty()) {
+    text += "Noise and interpolation of the recorded input add little to the deviations below.\n";
+  } else {
+    text += "The recorded input limits " + keys +
+            ": about half of the variance below or more is by its noise and its interpolation. " +
+            (errors.noise_scatter > errors.resolution_scatter ? "Use a better sensor.\n"
+                                                              : "Sample faster.\n");
+  }
+  if (errors.other_scatter > 0.0) {
+    text += "With the other `interpolation` the times scatter by " +
+            number(errors.other_scatter, 2) + " s only, instead of " +
+            number(result.fit.scatter, 2) + " s.\n";
+  }
 }
 
 void append_events(const IdentifyResult& result, std::string& text) {
@@ -181,6 +207,7 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   entry["low"] = fitted.low;
   entry["high"] = fitted.high;
   entry["at_bound"] = fitted.at_bound;
+  entry["sigma_by_record"] = fitted.of_record;
   return entry;
 }
 
@@ -289,6 +316,7 @@ std::string to_text(const IdentifyResult& result) {
             " s).\n";
   }
   append_model_error(result, text);
+  append_record_errors(result, text);
   append_events(result, text);
   text += '\n';
   append_table(result, text);
@@ -353,6 +381,19 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
                                    {"gain", error.trend->gain},
                                    {"chi2_without", error.trend->chi2_without},
                                    {"chi2_with", error.trend->chi2_with}};
+  }
+  object["record"] = nullptr;
+  if (const RecordErrors& errors = fit.record_errors; !errors.empty()) {
+    const bool limits =
+        std::any_of(fit.unknowns.begin(), fit.unknowns.end(),
+                    [](const FittedUnknown& fitted) { return fitted.is_limited_by_record(); });
+    object["record"] = {{"limits", limits},
+                        {"noise_scatter", errors.noise_scatter},
+                        {"resolution_scatter", errors.resolution_scatter},
+                        {"other_interpolation_scatter", nullptr}};
+    if (errors.other_scatter > 0.0) {
+      object["record"]["other_interpolation_scatter"] = errors.other_scatter;
+    }
   }
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;

@@ -56,7 +56,6 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
-  refuse_recorded_inputs(scene, "identify");
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");
@@ -65,6 +64,9 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   settings.unknowns = sought(scene, run.sought);
   const RecordedEvents recorded =
       read_recorded_events(run.log, scene, run.duration, AfterLoss::used, common, report);
+  if (!recorded.events.empty()) {
+    require_inputs_until(scene, recorded.events.back().t, "--duration");
+  }
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;

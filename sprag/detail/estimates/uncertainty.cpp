@@ -28,7 +28,7 @@ Eigen::MatrixXd input_noise_of(const Model& model) {
   const SampledInputs& inputs = dynamics.inputs();
   for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
     const SampledInput& input = inputs.channel(c);
-    const double noise = input.settings().noise * std::sqrt(input.spacing());
+    const double noise = input.noise() * std::sqrt(input.spacing());
     if (noise == 0.0) continue;
     noise_u.conservativeResize(model.coordinates(), noise_u.cols() + 1);
     noise_u.col(noise_u.cols() - 1) = noise * (inverse(model.M) * inputs.forces().col(c));

@@ -82,6 +82,10 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
     table.fail("uncertainty", "is for an acceleration or a force; must go for a displacement");
   }
 
+  settings.gain = table.number_or("gain", 1.0, any_number);
+  if (settings.gain == 0.0) table.fail("gain", "is 0; must be the gain of the sensor");
+  settings.delay = table.number_or("delay", 0.0, any_number);
+
   columns.time = table.string_or("time", "");
   Record record = read_record(table, columns);
   if (acceleration && is_in_g(record.column) && !table.has("unit")) {
@@ -91,8 +95,10 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
   }
   if (acceleration) remark_on_gravity(table, record);
   for (double& value : record.values) value *= unit;
-  if (settings.outside == Outside::error && record.t.front() > 0.0) {
-    table.fail("file", "begins at t = " + to_text(record.t.front()) +
+  const double begin = record.t.front() + settings.delay;
+  if (settings.outside == Outside::error && begin > 0.0) {
+    table.fail("file", "begins at t = " + to_text(begin) +
+                           (settings.delay != 0.0 ? " with its delay" : "") +
                            "; must begin at t <= 0, or the table must have outside = \"zero\" or "
                            "\"hold\"");
   }
@@ -115,6 +121,12 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
 
 bool has_harmonic_keys(const TomlTable& table) {
   return table.has("amplitude") || table.has("frequency") || table.has("phase");
+}
+
+void refuse_record_keys(const TomlTable& table) {
+  for (const char* key : {"gain", "delay"}) {
+    if (table.has(key)) table.fail(key, "is for a recorded input; the table must have a file");
+  }
 }
 
 SampledInputPointer read_frame_input(const TomlTable& table) {

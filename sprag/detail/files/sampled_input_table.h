@@ -1,5 +1,6 @@
 // Sampled inputs in the tables [excitation] and [[force]] of a scene: keys file, time,
-// acceleration, displacement, force, quantity, unit, interpolation, outside and uncertainty.
+// acceleration, displacement, force, quantity, unit, interpolation, outside, uncertainty, gain and
+// delay.
 #pragma once
 
 #include "sprag/detail/files/toml_reader.h"
@@ -9,6 +10,9 @@ namespace sprag {
 
 /// Whether the table has a key of a harmonic.
 bool has_harmonic_keys(const TomlTable& table);
+
+/// Throws SceneError if the table has a gain or a delay, which need a record.
+void refuse_record_keys(const TomlTable& table);
 
 /// The record of [excitation], an acceleration or a displacement. Throws SceneError.
 SampledInputPointer read_frame_input(const TomlTable& table);

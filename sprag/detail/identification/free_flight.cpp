@@ -14,10 +14,16 @@ namespace sprag {
 FreeFlight::FreeFlight(const Machine& machine, Eigen::VectorXd inputs)
     : machine_(machine), inputs_(std::move(inputs)) {
   constexpr double samples = 12.0;  // samples in a period
-  constants_ = inputs_.segment(2 * machine.groups(), machine.constant_forces.cols());
+  constants_ = inputs_.segment(machine.driving(), machine.constant_forces.cols());
   const double stiffest = machine.modal ? machine.K.maxCoeff() : machine.K.trace();
   double fastest = std::sqrt(std::max(stiffest, 0.0));
   if (machine.groups() > 0) fastest = std::max(fastest, machine.frequencies.maxCoeff());
+  for (Eigen::Index r = 0; r < machine.records(); ++r) {
+    // A record also has faster content than its mean.
+    constexpr double faster = 2.0;
+    const RecordedResponse& response = (*machine.recorded)[static_cast<std::size_t>(r)];
+    fastest = std::max(fastest, faster * response.mean_frequency());
+  }
   step_ = fastest > 0.0 ? 2.0 * std::numbers::pi / fastest / samples : 0.0;
 }
 
@@ -47,18 +53,22 @@ void FreeFlight::move(ContactSet held, double t, double tau, Eigen::VectorXd& y,
   }
   const HeldFlight& flight = held_.try_emplace(held, machine_, held).first->second;
   Eigen::MatrixXd Y = y, U = u;
-  flight.move(t, tau, inputs_.head(2 * machine_.groups() + constants_.size()), Y, U);
+  flight.move(t, tau, inputs_.head(machine_.driving() + constants_.size()), Y, U);
   y = Y;
   u = U;
 }
 
 double FreeFlight::gap(int contact, const Eigen::VectorXd& y, double t) const {
   const Eigen::Index G = machine_.groups();
-  double g = machine_.W.col(contact).dot(y) + inputs_[2 * G + constants_.size() + contact];
+  double g =
+      machine_.W.col(contact).dot(y) + inputs_[machine_.driving() + constants_.size() + contact];
   for (Eigen::Index j = 0; j < G; ++j) {
     g += (machine_.gap_response(contact, j) * std::polar(1.0, machine_.frequencies[j] * t) *
           std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]))
              .real();
+  }
+  for (Eigen::Index r = 0; r < machine_.records(); ++r) {
+    g += inputs_[2 * G + r] * recorded_gap(machine_, contact, r, t).g;
   }
   return g;
 }
@@ -70,6 +80,9 @@ double FreeFlight::gap_velocity(int contact, const Eigen::VectorXd& u, double t)
     gamma -= Omega * (machine_.gap_response(contact, j) * std::polar(1.0, Omega * t) *
                       std::complex<double>(inputs_[2 * j], inputs_[2 * j + 1]))
                          .imag();
+  }
+  for (Eigen::Index r = 0; r < machine_.records(); ++r) {
+    gamma += inputs_[2 * machine_.groups() + r] * recorded_gap(machine_, contact, r, t).rate;
   }
   return gamma;
 }

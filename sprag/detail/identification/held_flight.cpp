@@ -27,6 +27,9 @@ Eigen::MatrixXd full(const Eigen::MatrixXd& A, bool modal) {
 
 HeldFlight::HeldFlight(const Machine& machine, ContactSet held)
     : held_(held), frequencies_(machine.frequencies) {
+  if (machine.records() > 0) {
+    throw ModelError("a motion with held contacts is not supported under a recorded input");
+  }
   const Eigen::Index n = machine.n(), h = std::popcount(held), r = n - h;
   const Eigen::MatrixXd W = columns_of(machine, held);
   const Eigen::MatrixXd Q = QR(W).Q_times(Eigen::MatrixXd::Identity(n, n));

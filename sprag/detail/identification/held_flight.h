@@ -17,7 +17,8 @@ namespace sprag {
 
 class HeldFlight {
  public:
-  /// `held` is not empty, and its directions are linearly independent.
+  /// `held` is not empty, and its directions are linearly independent. Throws ModelError if the
+  /// machine has a recorded input.
   HeldFlight(const Machine& machine, ContactSet held);
 
   /// Moves columns of the motion about the free machine's steady response in place, from t by tau:

@@ -42,7 +42,8 @@ bool same(const Machine& a, const Machine& b) {
   return a.modal == b.modal && same(a.C, b.C) && same(a.K, b.K) && same(a.W, b.W) &&
          same(a.jump, b.jump) && same(a.frequencies, b.frequencies) &&
          same(a.constant_forces, b.constant_forces) &&
-         a.gap_response.size() == b.gap_response.size() && a.gap_response == b.gap_response;
+         a.gap_response.size() == b.gap_response.size() && a.gap_response == b.gap_response &&
+         a.recorded == b.recorded && same(a.delays, b.delays);
 }
 
 // Whether the flight to impact k has passages or held contacts.
@@ -89,7 +90,7 @@ void Flights::set(const Machine& machine, const Stretches& stretches) {
     intervals_ = std::move(intervals);
     set_free(machine);
   }
-  G_ = machine.groups();
+  driving_ = machine.driving();
   set_composed(machine, stretches);
 }
 
@@ -164,12 +165,12 @@ const HeldFlight& Flights::held_flight(ContactSet held) {
 
 void Flights::compose(const Stretch& stretch, std::size_t k) {
   const Eigen::Index J = constant_forces_.cols(), inputs = 2 * n_;
-  const Eigen::Index columns = 2 * n_ + 2 * G_ + J;
+  const Eigen::Index columns = 2 * n_ + driving_ + J, G = machine_.groups();
   Eigen::MatrixXd Y = Eigen::MatrixXd::Zero(n_, columns), U = Y;
   Y.leftCols(n_).setIdentity();
   U.middleCols(n_, n_).setIdentity();
-  Eigen::MatrixXd factors = Eigen::MatrixXd::Zero(2 * G_ + J, columns);
-  factors.rightCols(2 * G_ + J).setIdentity();
+  Eigen::MatrixXd factors = Eigen::MatrixXd::Zero(driving_ + J, columns);
+  factors.rightCols(driving_ + J).setIdentity();
   const auto constants = factors.bottomRows(J);
   for_each_leg(stretch, k, [&](double from, double to, ContactSet held, const Passage* passage) {
     if (held != 0) {
@@ -191,9 +192,12 @@ void Flights::compose(const Stretch& stretch, std::size_t k) {
     const int contact = passage->contact;
     Eigen::RowVectorXd gamma = machine_.W.col(contact).transpose() * U;
     const Eigen::VectorXcd phase = phases(machine_, to);
-    for (Eigen::Index g = 0; g < G_; ++g) {
+    for (Eigen::Index g = 0; g < G; ++g) {
       const Complex steady = machine_.gap_response(contact, g) * phase[g];
       add_real_part(rate(steady, machine_.frequencies[g]), &gamma[inputs + 2 * g]);
+    }
+    for (Eigen::Index r = 0; r < machine_.records(); ++r) {
+      gamma[inputs + 2 * G + r] += recorded_gap(machine_, contact, r, to).rate;
     }
     U -= jump_of(machine_, contact, passage->staying) * gamma;
   });
@@ -206,7 +210,7 @@ void Flights::move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eig
   const std::size_t flight = first_[s] + k;
   const Eigen::Index J = constant_forces_.cols();
   const bool composed = !number_.empty() && number_[flight] != none;
-  const Eigen::Index forced = inputs + 2 * G_;
+  const Eigen::Index forced = inputs + driving_;
   if (modal_ && !composed) {
     const OscillatorStep* const of = modes_.data() + flight * static_cast<std::size_t>(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
@@ -244,7 +248,7 @@ void Flights::move(std::size_t s, std::size_t k, Eigen::VectorXd& y, Eigen::Vect
   const Eigen::Index J = constant_forces_.cols();
   const bool composed = !number_.empty() && number_[flight] != none;
   if (modal_ && !composed) {
-    const auto constants = inputs.segment(2 * G_, J);
+    const auto constants = inputs.segment(driving_, J);
     const OscillatorStep* const of = modes_.data() + flight * static_cast<std::size_t>(n_);
     for (Eigen::Index i = 0; i < n_; ++i) {
       of[i].apply(J > 0 ? constant_forces_.row(i).dot(constants) : 0.0, y[i], u[i]);
@@ -254,7 +258,7 @@ void Flights::move(std::size_t s, std::size_t k, Eigen::VectorXd& y, Eigen::Vect
   const Eigen::MatrixXd& Phi = composed ? composed_[number_[flight]] : transitions_[flight];
   const Eigen::Index of_inputs = Phi.cols() - 2 * n_;
   x_.resize(Phi.cols());
-  x_ << y, u, inputs.segment(composed ? 0 : 2 * G_, of_inputs);
+  x_ << y, u, inputs.segment(composed ? 0 : driving_, of_inputs);
   moved_.noalias() = Phi.lazyProduct(x_);
   y = moved_.head(n_);
   u = moved_.tail(n_);
@@ -282,7 +286,7 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
                const Stretch& stretch, std::size_t s, PathRows& rows) {
   const Eigen::Index n = machine.n(), G = machine.groups(), J = machine.constant_forces.cols();
   // Clearances do not affect the motion, so their columns enter at the gap only.
-  const Eigen::Index moving = 2 * n + 2 * G + J;
+  const Eigen::Index driving = machine.driving(), moving = 2 * n + driving + J;
   const Eigen::Index columns = 2 * n + machine.inputs();
   const auto N = static_cast<Eigen::Index>(stretch.size());
   rows.A.resize(N, columns);
@@ -312,7 +316,13 @@ void path_rows(const Machine& machine, const Flights& flights, const Harmonics& 
       add_real_part(steady, a + 2 * n + 2 * g);
       add_real_part(rate(steady, machine.frequencies[g]), gamma + 2 * n + 2 * g);
     }
-    a[2 * n + 2 * G + J + contact] = 1.0;
+    const double t = stretch.impacts[static_cast<std::size_t>(k)].t;
+    for (Eigen::Index r = 0; r < machine.records(); ++r) {
+      const GapMotion recorded = recorded_gap(machine, contact, r, t);
+      a[2 * n + 2 * G + r] += recorded.g;
+      gamma[2 * n + 2 * G + r] += recorded.rate;
+    }
+    a[2 * n + driving + J + contact] = 1.0;
     const ContactSet staying = stretch.impacts[static_cast<std::size_t>(k)].staying;
     if (staying != 0) of_contact = jump_of(machine, contact, staying);
     const double* const jump = staying != 0 ? of_contact.data() : &machine.jump(0, contact);
@@ -338,7 +348,12 @@ void start_rows(const Machine& machine, const Stretch& stretch, PathRows& rows) 
       add_real_part(steady, &rows.A(row, 2 * n + 2 * g));
       add_real_part(rate(steady, machine.frequencies[g]), &rows.Gamma(row, 2 * n + 2 * g));
     }
-    rows.A(row, 2 * n + 2 * G + J + contact) = 1.0;
+    for (Eigen::Index r = 0; r < machine.records(); ++r) {
+      const GapMotion recorded = recorded_gap(machine, contact, r, stretch.start);
+      rows.A(row, 2 * n + 2 * G + r) = recorded.g;
+      rows.Gamma(row, 2 * n + 2 * G + r) = recorded.rate;
+    }
+    rows.A(row, 2 * n + machine.driving() + J + contact) = 1.0;
     ++row;
   });
 }
@@ -351,7 +366,7 @@ Eigen::VectorXd Flights::force(const Machine& machine, ContactSet held, double t
             ? Eigen::VectorXd(machine.C.col(0).cwiseProduct(u) + machine.K.col(0).cwiseProduct(y))
             : Eigen::VectorXd(machine.C * u + machine.K * y));
   const Eigen::Index G = machine.groups(), J = machine.constant_forces.cols();
-  if (J > 0) moved += machine.constant_forces * inputs.segment(2 * G, J);
+  if (J > 0) moved += machine.constant_forces * inputs.segment(machine.driving(), J);
   Eigen::VectorXd rates = machine.W.transpose() * moved;
   const Eigen::VectorXcd phase = phases(machine, t);
   for (Eigen::Index g = 0; g < G; ++g) {
@@ -373,7 +388,8 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
   path.u = x0.tail(n);
   Eigen::VectorXd force_rate = Eigen::VectorXd::Zero(machine.W.cols());
   if (J > 0) {
-    force_rate = machine.W.transpose() * (machine.constant_forces * inputs.segment(2 * G, J));
+    force_rate =
+        machine.W.transpose() * (machine.constant_forces * inputs.segment(machine.driving(), J));
   }
   path.force_drop.setZero(n, holds_any(stretch) ? N : 0);
   for (Eigen::Index k = 0; k < N; ++k) {
@@ -381,7 +397,7 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
     const int contact = impact.contact;
     flights.move(s, static_cast<std::size_t>(k), path.y, path.u, inputs);
     const auto w = machine.W.col(contact);
-    double g = w.dot(path.y) + inputs[2 * G + J + contact];
+    double g = w.dot(path.y) + inputs[machine.driving() + J + contact];
     double gamma = w.dot(path.u);
     double rate = force_rate[contact];
     if (machine.modal) {
@@ -398,6 +414,13 @@ void follow(const Machine& machine, const Flights& flights, const Harmonics& har
       g += steady.real();
       gamma -= Omega * steady.imag();
       rate -= Omega * Omega * steady.real();
+    }
+    for (Eigen::Index r = 0; r < machine.records(); ++r) {
+      const GapMotion recorded = recorded_gap(machine, contact, r, impact.t);
+      const double gain = inputs[2 * G + r];
+      g += gain * recorded.g;
+      gamma += gain * recorded.rate;
+      rate += gain * recorded.acceleration;
     }
     if (impact.held != 0) {
       const Eigen::VectorXd force =

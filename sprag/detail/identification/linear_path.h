@@ -4,7 +4,8 @@
 //   g_k(t_k) = A_k z,   gamma_k- = Gamma_k z.
 //
 // x0 = (y, y') at the start of a stretch is the free part of the motion, that is the motion minus
-// the steady response to the harmonics with all contacts open, also while some are held.
+// the steady response to the harmonics and the response to the records with all contacts open, also
+// while some are held.
 #pragma once
 
 #include <Eigen/Core>
@@ -28,7 +29,7 @@ class Flights {
   void set(const Machine& machine, const Stretches& stretches);
 
   /// Moves columns of (y, y') in place to impact k of stretch s. To the columns from `inputs` on it
-  /// adds the response to the unit inputs, 2 G of harmonics and J of constant forces, one each.
+  /// adds the response to the unit inputs, the driving ones and J of constant forces, one each.
   void move(std::size_t s, std::size_t k, RowMatrix& Y, RowMatrix& U, Eigen::Index columns,
             Eigen::Index inputs) const;
   /// The same for one state with these inputs.
@@ -48,7 +49,7 @@ class Flights {
   void compose(const Stretch& stretch, std::size_t k);
 
   bool modal_ = true;
-  Eigen::Index n_ = 0, G_ = 0;
+  Eigen::Index n_ = 0, driving_ = 0;
   Eigen::MatrixXd C_, K_, constant_forces_;
   std::vector<std::vector<double>> intervals_;
   std::vector<std::size_t> first_;            // index of the flight to each stretch's first impact
@@ -56,7 +57,7 @@ class Flights {
   std::vector<Eigen::MatrixXd> transitions_;  // 2n x (2n + J) for each flight
   // Flights with passages or held contacts.
   std::vector<std::size_t> number_;        // index of each flight in composed_, or none
-  std::vector<Eigen::MatrixXd> composed_;  // 2n x (2n + 2G + J)
+  std::vector<Eigen::MatrixXd> composed_;  // 2n x (2n + driving inputs + J)
   std::map<ContactSet, HeldFlight> held_;  // for machine_
   Machine machine_;
   Stretches stretches_;  // of composed_; empty if there are no such flights

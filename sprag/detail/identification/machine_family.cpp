@@ -37,14 +37,41 @@ bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
   return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
 }
 
+GapMotion recorded_gap(const Machine& machine, int contact, Eigen::Index r, double t) {
+  RecordedMotion motion;
+  (*machine.recorded)[static_cast<std::size_t>(r)].at(t - machine.delays[r], motion);
+  const auto w = machine.W.col(contact);
+  const double share = machine.shares(contact, r);
+  return {w.dot(motion.y) + share * motion.input[0], w.dot(motion.u) + share * motion.input[1],
+          w.dot(motion.rate) + share * motion.input[2]};
+}
+
+void add_recorded_motion(const Machine& machine, const Eigen::VectorXd& inputs, double t,
+                         Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::VectorXd> u) {
+  RecordedMotion motion;
+  for (Eigen::Index r = 0; r < machine.records(); ++r) {
+    (*machine.recorded)[static_cast<std::size_t>(r)].at(t - machine.delays[r], motion);
+    const double gain = inputs[2 * machine.groups() + r];
+    y += gain * motion.y;
+    u += gain * motion.u;
+  }
+}
+
+void add_driven_motion(const Machine& machine, const Eigen::VectorXd& inputs, double t,
+                       Eigen::Ref<Eigen::VectorXd> y, Eigen::Ref<Eigen::VectorXd> u) {
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const std::complex<double> z(inputs[2 * g], inputs[2 * g + 1]);
+    const std::complex<double> turn = z * std::polar(1.0, machine.frequencies[g] * t);
+    y += (machine.response.col(g) * turn).real();
+    u += (machine.response.col(g) * (turn * std::complex<double>(0.0, machine.frequencies[g])))
+             .real();
+  }
+  add_recorded_motion(machine, inputs, t, y, u);
+}
+
 MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     : scene_(scene), unknowns_(std::move(unknowns)), groups_(harmonic_groups(scene)) {
   const Model& model = scene_.model;
-  if (has_sampled_inputs(model)) {
-    throw ModelError(
-        "a recorded input (the key `file` of [excitation] or [[force]]) is not supported here: "
-        "parameters can be estimated under constant and harmonic inputs only");
-  }
   const Eigen::Index f = model.coordinates();
   if (scene_.beam) {
     V_ = model.M.diagonal().cwiseSqrt().cwiseInverse().asDiagonal();
@@ -96,15 +123,69 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     constant_forces_.col(static_cast<Eigen::Index>(j)) =
         V_.transpose() * force.direction * force.constant;
   }
+  add_records();
+}
+
+void MachineFamily::add_records() {
+  records_ = recorded_inputs(scene_);
+  const Model& model = scene_.model;
+  const auto R = static_cast<Eigen::Index>(records_.size());
+  recorded_forces_.setZero(n(), R);
+  recorded_motions_.setZero(contacts(), R);
+  for (Eigen::Index r = 0; r < R; ++r) {
+    const RecordedInput& record = records_[static_cast<std::size_t>(r)];
+    raw_.push_back(with_gain_and_delay(*record.input, 1.0, 0.0));
+    for (const int j : record.forces) {
+      recorded_forces_.col(r) +=
+          V_.transpose() * model.forces[static_cast<std::size_t>(j)].direction;
+    }
+    for (const int i : record.contacts) {
+      recorded_motions_(i, r) = model.contacts[static_cast<std::size_t>(i)].input_share;
+    }
+    longest_delay_ = std::max(longest_delay_, record.input->settings().delay);
+  }
+  for (const Unknown& unknown : unknowns_) {
+    if (unknown.kind != Kind::delay) continue;
+    longest_delay_ = std::max(longest_delay_, unknown.value(unknown.highest()));
+  }
+}
+
+MachineFamily::Responses MachineFamily::responses_of(const Machine& machine) const {
+  if (records_.empty()) return nullptr;
+  constexpr std::size_t most = 16;
+  for (const Tabulated& table : tabulated_) {
+    if (table.C == machine.C && table.K == machine.K) return table.responses;
+  }
+  std::vector<RecordedResponse> responses;
+  for (std::size_t r = 0; r < raw_.size(); ++r) {
+    responses.emplace_back(raw_[r], machine.modal, machine.C, machine.K,
+                           recorded_forces_.col(static_cast<Eigen::Index>(r)), longest_delay_);
+  }
+  if (tabulated_.size() == most) tabulated_.erase(tabulated_.begin());
+  tabulated_.push_back(
+      {machine.C, machine.K,
+       std::make_shared<const std::vector<RecordedResponse>>(std::move(responses))});
+  return tabulated_.back().responses;
+}
+
+void MachineFamily::set_records(const Eigen::VectorXd& values, Machine& machine) const {
+  machine.recorded = responses_of(machine);
+  for (std::size_t r = 0; r < records_.size(); ++r) {
+    machine.delays[static_cast<Eigen::Index>(r)] = records_[r].input->settings().delay;
+  }
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    if (unknowns_[k].kind != Kind::delay) continue;
+    machine.delays[unknowns_[k].index] = values[static_cast<Eigen::Index>(k)];
+  }
 }
 
 Eigen::Index MachineFamily::constant_input(int force) const {
   const auto at = std::find(constants_.begin(), constants_.end(), force);
-  return 2 * static_cast<Eigen::Index>(groups_.size()) + (at - constants_.begin());
+  return driving() + (at - constants_.begin());
 }
 
 Eigen::Index MachineFamily::clearance_input(int contact) const {
-  return 2 * static_cast<Eigen::Index>(groups_.size()) + constant_forces_.cols() + contact;
+  return driving() + constant_forces_.cols() + contact;
 }
 
 Eigen::VectorXd MachineFamily::nominal() const {
@@ -185,6 +266,8 @@ Machine MachineFamily::at(const Eigen::VectorXd& values) const {
   machine.gap_response.resize(contacts(), machine.groups());
   machine.constant_forces = constant_forces_;
   machine.positions.setConstant(contacts(), std::numeric_limits<double>::quiet_NaN());
+  machine.delays.resize(static_cast<Eigen::Index>(records_.size()));
+  machine.shares = recorded_motions_;
   at(values, machine);
   return machine;
 }
@@ -207,6 +290,7 @@ void MachineFamily::set_position(int contact, double position, Machine& machine)
 
 void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   set_flow(values, machine);
+  set_records(values, machine);
   const Model& model = scene_.model;
   frequencies(values, machine.frequencies);
   double common = std::numeric_limits<double>::quiet_NaN();  // restitution of all contacts
@@ -265,8 +349,7 @@ void MachineFamily::frequencies(const Eigen::VectorXd& values, Eigen::VectorXd& 
 }
 
 Eigen::VectorXd MachineFamily::inputs(const Eigen::VectorXd& values) const {
-  Eigen::VectorXd of_values(2 * static_cast<Eigen::Index>(groups_.size()) +
-                            constant_forces_.cols() + contacts());
+  Eigen::VectorXd of_values(driving() + constant_forces_.cols() + contacts());
   inputs(values, of_values);
   return of_values;
 }
@@ -278,7 +361,10 @@ void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& input
     inputs[2 * g] = groups_[static_cast<std::size_t>(g)].amplitude;
     inputs[2 * g + 1] = groups_[static_cast<std::size_t>(g)].phase;
   }
-  inputs.segment(2 * G, constant_forces_.cols()).setOnes();
+  for (std::size_t r = 0; r < records_.size(); ++r) {
+    inputs[gain_input(static_cast<int>(r))] = records_[r].input->settings().gain;
+  }
+  inputs.segment(driving(), constant_forces_.cols()).setOnes();
   for (int i = 0; i < contacts(); ++i) {
     inputs[clearance_input(i)] = scene_.model.contacts[static_cast<std::size_t>(i)].clearance;
   }
@@ -293,6 +379,7 @@ void MachineFamily::inputs(const Eigen::VectorXd& values, Eigen::VectorXd& input
       inputs[constant_input(unknown.index)] = value / unknown.nominal;
     }
     if (unknown.kind == Kind::clearance) inputs[clearance_input(unknown.index)] = value;
+    if (unknown.kind == Kind::gain) inputs[gain_input(unknown.index)] = value;
   }
   for (std::size_t k = 0; k < unknowns_.size(); ++k) {
     const Unknown& unknown = unknowns_[k];
@@ -342,6 +429,9 @@ Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::s
       break;
     case Kind::constant:
       rate[constant_input(unknown.index)] = 1.0 / unknown.nominal;
+      break;
+    case Kind::gain:
+      rate[gain_input(unknown.index)] = 1.0;
       break;
     default:
       rate[clearance_input(unknown.index)] = 1.0;
@@ -444,7 +534,27 @@ void MachineFamily::set(const Unknown& unknown, double value, Scene& scene) cons
     case Kind::clearance:
       model.contacts[i].clearance = value;
       break;
+    case Kind::delay:
+    case Kind::gain:
+      set_record(unknown, value, scene);
+      break;
   }
+}
+
+// Sets the gain or the delay of a record, which forces, supports and the frame share.
+void MachineFamily::set_record(const Unknown& unknown, double value, Scene& scene) const {
+  const RecordedInput& record = records_[static_cast<std::size_t>(unknown.index)];
+  const SampledInputPointer present =
+      scene.model.forces[static_cast<std::size_t>(record.forces.front())].input;
+  const SampledInput::Settings& settings = present->settings();
+  const auto changed = std::make_shared<const SampledInput>(
+      with_gain_and_delay(*present, unknown.kind == Kind::gain ? value : settings.gain,
+                          unknown.kind == Kind::delay ? value : settings.delay));
+  for (const int j : record.forces) scene.model.forces[static_cast<std::size_t>(j)].input = changed;
+  for (const int i : record.contacts) {
+    scene.model.contacts[static_cast<std::size_t>(i)].input = changed;
+  }
+  if (scene.frame && scene.frame->input == present) scene.frame->input = changed;
 }
 
 Scene MachineFamily::with(const Eigen::VectorXd& values) const {

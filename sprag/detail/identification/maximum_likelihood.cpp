@@ -47,7 +47,8 @@ struct Block {
 
 // Standard deviation of the prior of an unknown, in its coordinate.
 double prior_deviation(const Unknown& unknown) {
-  if (unknown.kind == Kind::phase || unknown.kind == Kind::clock_offset) {
+  if (unknown.kind == Kind::phase || unknown.kind == Kind::clock_offset ||
+      unknown.kind == Kind::delay) {
     return prior_ranges * std::numbers::pi;
   }
   if (unknown.kind == Kind::clearance) return prior_ranges;
@@ -132,18 +133,20 @@ Eigen::VectorXd Maximization::prior_of_x0(std::size_t s) const {
   }
   const double speed = prior_motions * most_speed_ / least_w;
   Eigen::VectorXd prior(2 * n);
+  // The free part also offsets the response to the records, which may have drifted.
+  Eigen::VectorXd recorded_y = Eigen::VectorXd::Zero(n), recorded_u = recorded_y;
+  add_recorded_motion(machine_, inputs, stretch.start, recorded_y, recorded_u);
   for (Eigen::Index i = 0; i < n; ++i) {
     const double k = machine_.modal ? machine_.K(i, 0) : machine_.K(i, i);
     const double period = k > 0.0 ? std::min(1.0 / std::sqrt(k), duration) : duration;
     double constant = 0.0;
     if (k > 0.0) {
       for (Eigen::Index j = 0; j < machine_.constant_forces.cols(); ++j) {
-        constant +=
-            std::abs(machine_.constant_forces(i, j) * inputs[2 * machine_.groups() + j]) / k;
+        constant += std::abs(machine_.constant_forces(i, j) * inputs[machine_.driving() + j]) / k;
       }
     }
-    prior[i] = speed * period + prior_motions * (length + constant);
-    prior[n + i] = speed;
+    prior[i] = speed * period + prior_motions * (length + constant + std::abs(recorded_y[i]));
+    prior[n + i] = speed + prior_motions * std::abs(recorded_u[i]);
   }
   return prior;
 }
@@ -674,6 +677,9 @@ Likelihood along_measured_times(const MachineFamily& family, const Stretches& st
     switch (unknown.kind) {
       case Kind::clearance:
         at.values[i] = inputs[family.clearance_input(unknown.index)];
+        break;
+      case Kind::gain:
+        at.values[i] = inputs[family.gain_input(unknown.index)];
         break;
       case Kind::constant:
         at.values[i] = unknown.nominal * inputs[family.constant_input(unknown.index)];

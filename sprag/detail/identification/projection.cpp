@@ -102,6 +102,7 @@ Projection::Core::Core(const MachineFamily& of) : family(of) {
     if (!unknown.linear()) nonlinear.push_back(k);
     if (unknown.kind == Kind::clearance) free(family.clearance_input(unknown.index));
     if (unknown.kind == Kind::constant) free(family.constant_input(unknown.index));
+    if (unknown.kind == Kind::gain) free(family.gain_input(unknown.index));
     // A change of phase or amplitude stays in the plane of the harmonic and itself a quarter
     // turned.
     const bool turns = unknown.kind == Kind::phase;

@@ -19,6 +19,8 @@ constexpr double turn_of_fastest = 2.0;
 constexpr double part_of_wave = 0.31;  // of the shortest wave: step of a position
 // [rad]: phase that a step of a frequency changes at the last impact.
 constexpr double step_of_phase = 0.8;
+// [rad] of a record's mean frequency. A record also has faster content.
+constexpr double step_of_delay = 0.4;
 constexpr double most_points = 30000.0;
 constexpr std::size_t kept = 6;
 constexpr double growth = 1.5;
@@ -83,14 +85,16 @@ std::vector<Axis> axes_of(const MachineFamily& family, double duration, double i
       axis.step = step_of_clock_rate(family, duration, interval);
     } else if (unknown.kind == Kind::clock_offset) {
       axis.step = step_of_phase / (fastest_of(family, unknown) * unknown.unit_step);
+    } else if (unknown.kind == Kind::delay) {
+      axis.step = step_of_delay;
     } else {
       continue;
     }
     axis.step *= refinement;
     // The nominal value may differ by `within` of the true one, in either direction.
-    const double radius = unknown.kind == Kind::clock_offset
-                              ? unknown.highest()
-                              : -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
+    const bool is_time = unknown.kind == Kind::clock_offset || unknown.kind == Kind::delay;
+    const double radius =
+        is_time ? unknown.highest() : -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
     axis.to_low = static_cast<int>(std::ceil(std::min(radius, -unknown.lowest()) / axis.step));
     axis.to_high = static_cast<int>(std::ceil(std::min(radius, unknown.highest()) / axis.step));
     axes.push_back(axis);

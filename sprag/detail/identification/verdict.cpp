@@ -45,6 +45,14 @@ std::string of_wrong_model(const Identification& fit) {
   }
 }
 
+// Whether a recorded input may be the reason for a wrong model.
+std::string of_record(const Identification& fit) {
+  const RecordErrors& errors = fit.record_errors;
+  if (!errors.explains(fit.scatter)) return "";
+  return " Noise and interpolation of the recorded input alone explain a scatter of " +
+         short_number(errors.scatter(), 2) + " s: a faster or better record comes first.";
+}
+
 }  // namespace
 
 std::string short_number(double value, int digits) {
@@ -150,6 +158,13 @@ std::string reason_of(const Identification& fit) {
              "wrong.";
     case FitProblem::bound_reached: {
       const FittedUnknown& of = fit.unknowns[static_cast<std::size_t>(fit.culprit)];
+      if (of.unknown.kind == Unknown::Kind::delay) {
+        return of.unknown.key + " ends at the end of the range in which it is sought, " +
+               short_number(of.unknown.unit_step * of.unknown.highest(), 2) + " s about " +
+               short_number(of.unknown.nominal, 6) +
+               " s, half of the record's mean period. Specify a nominal delay that is nearer, or "
+               "the model is wrong.";
+      }
       return of.unknown.key + " ends at or beyond the range in which it is sought, " +
              short_number(100.0 * of.unknown.within, 3) + " % about " +
              short_number(of.unknown.nominal, 6) +
@@ -174,7 +189,7 @@ std::string reason_of(const Identification& fit) {
       return text + " Hold what is known with --known, or record a transient.";
     }
     case FitProblem::wrong_model:
-      return of_wrong_model(fit);
+      return of_wrong_model(fit) + of_record(fit);
   }
   return "";
 }

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <stdexcept>
 
 #include "sprag/detail/files/nearest_word.h"
@@ -101,8 +102,9 @@ double Unknown::value(double of_coordinate) const {
 }
 
 double Unknown::lowest() const {
-  // Half of the slowest period; larger offsets are equivalent to smaller ones.
-  if (kind == Kind::clock_offset) return -std::numbers::pi;
+  // Half of the slowest period, or of a record's mean period. Larger offsets of harmonics are
+  // equivalent to smaller ones.
+  if (kind == Kind::clock_offset || kind == Kind::delay) return -std::numbers::pi;
   if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
   const double share = -(std::log1p(2.0 * within) + beyond);
   if (logarithmic) return share;
@@ -111,7 +113,7 @@ double Unknown::lowest() const {
 }
 
 double Unknown::highest() const {
-  if (kind == Kind::clock_offset) return std::numbers::pi;
+  if (kind == Kind::clock_offset || kind == Kind::delay) return std::numbers::pi;
   if (kind == Kind::damping) return nominal > 0.0 ? 2.0 * within + beyond : 10.0;
   const double share = std::log1p(2.0 * within) + beyond;
   return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
@@ -133,7 +135,10 @@ bool Unknown::is_physical_bound(double of_value) const {
 }
 
 bool Unknown::is_within(double of_value, double tolerance) const {
-  if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset) return true;
+  if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset ||
+      kind == Kind::delay) {
+    return true;
+  }
   const double at = coordinate(of_value);
   if (nominal == 0.0) return at <= highest() + tolerance;
   // Admits a relative error with respect to either the true or the nominal value.
@@ -209,6 +214,50 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
   return {all};
 }
 
+std::vector<RecordedInput> recorded_inputs(const Scene& scene) {
+  std::vector<RecordedInput> records;
+  const std::vector<Force>& forces = scene.model.forces;
+  for (std::size_t j = 0; j < forces.size(); ++j) {
+    if (!forces[j].input) continue;
+    const bool of_frame = scene.beam || (scene.frame && scene.frame->force == j);
+    const auto same =
+        std::find_if(records.begin(), records.end(),
+                     [&](const RecordedInput& record) { return record.input == forces[j].input; });
+    if (same != records.end()) {
+      same->forces.push_back(static_cast<int>(j));
+      continue;
+    }
+    records.push_back({forces[j].input,
+                       {static_cast<int>(j)},
+                       {},
+                       of_frame ? "excitation" : "force." + std::to_string(j + 1)});
+  }
+  for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+    for (RecordedInput& record : records) {
+      if (scene.model.contacts[i].input == record.input) {
+        record.contacts.push_back(static_cast<int>(i));
+      }
+    }
+  }
+  return records;
+}
+
+double mean_frequency(const SampledInput& input) {
+  const std::vector<double>& t = input.sample_times();
+  const std::vector<double>& values = input.sample_values();
+  const double mean =
+      std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+  double squares = 0.0, of_rate = 0.0;
+  for (std::size_t k = 0; k + 1 < values.size(); ++k) {
+    const double h = t[k + 1] - t[k];
+    squares += h * square(values[k] - mean);
+    of_rate += square(values[k + 1] - values[k]) / h;
+  }
+  // A constant record has no frequency: a tenth of its duration is as good as any time.
+  if (!(squares > 0.0) || !(of_rate > 0.0)) return 10.0 / (t.back() - t.front());
+  return std::sqrt(of_rate / squares);
+}
+
 std::vector<Unknown> unknowns_of(const Scene& scene) {
   const Model& model = scene.model;
   std::vector<Unknown> unknowns;
@@ -242,6 +291,19 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
                                         unit_of_amplitude(group), group.amplitude));
     unknowns.back().unit_step = std::abs(group.amplitude);
   }
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
+  for (std::size_t r = 0; r < records.size(); ++r) {
+    const SampledInput& input = *records[r].input;
+    const int index = static_cast<int>(r);
+    Unknown delay{
+        .kind = Kind::delay, .index = index, .key = records[r].key + ".delay", .unit = "s"};
+    delay.nominal = input.settings().delay;
+    delay.unit_step = 1.0 / mean_frequency(input);
+    unknowns.push_back(delay);
+    unknowns.push_back(
+        positive_unknown(Kind::gain, index, records[r].key + ".gain", "", input.settings().gain));
+    unknowns.back().unit_step = std::abs(input.settings().gain);
+  }
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
     const double constant = model.forces[j].constant;
     if (constant == 0.0) continue;
@@ -265,7 +327,7 @@ std::vector<Unknown> common_unknowns(const Scene& scene) {
     unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
     unknowns.back().upper_limit = 1.0 / largest;
   }
-  if (harmonic_groups(scene).size() < 2) return unknowns;
+  if (harmonic_groups(scene).size() < 2 || has_sampled_inputs(scene.model)) return unknowns;
   const std::string table = "excitations.";
   unknowns.push_back(positive_unknown(Kind::frequency, -1, table + "frequency", "", 1.0));
   unknowns.push_back({.kind = Kind::phase, .key = table + "phase", .unit = "rad"});
@@ -274,6 +336,8 @@ std::vector<Unknown> common_unknowns(const Scene& scene) {
 }
 
 std::vector<Unknown> clock_unknowns(const Scene& scene) {
+  // A record has a delay, which an offset of the clock would change as well.
+  if (has_sampled_inputs(scene.model)) return {};
   constexpr double largest_error = 0.01;  // of a rate; a ceramic resonator is off by 0.005
   std::vector<Unknown> unknowns{
       positive_unknown(Kind::clock_rate, -1, "clock.rate", "", scene.clock.rate)};
@@ -301,12 +365,13 @@ bool is_common(const Unknown& unknown) {
 
 bool can_be_filtered(const Unknown& unknown) {
   return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
-         !is_common(unknown) && !is_of_clock(unknown);
+         unknown.kind != Kind::delay && unknown.kind != Kind::gain && !is_common(unknown) &&
+         !is_of_clock(unknown);
 }
 
 bool carries_scale(const Unknown& unknown) {
   return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
-         (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
+         unknown.kind == Kind::gain || (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
 }
 
 std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
@@ -318,7 +383,7 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
   bool held = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
     return is_known(unknown.key) && carries_scale(unknown);
   });
-  for (const Kind kind : {Kind::amplitude, Kind::constant}) {
+  for (const Kind kind : {Kind::amplitude, Kind::gain, Kind::constant}) {
     for (const Unknown& unknown : all) {
       if (held || unknown.kind != kind) continue;
       known.push_back(unknown.key);

@@ -4,7 +4,8 @@
 // A key for several numbers (K and C of a general system, harmonics of one frequency) is a common
 // factor, nominally 1; a phase is a common shift, nominally 0. impact.restitution is a factor if
 // the contacts' restitutions differ. excitations.amplitude, .phase and .frequency apply to all
-// harmonics of several frequencies.
+// harmonics of several frequencies. A recorded input has a gain and a delay: excitation.gain,
+// force.1.delay.
 //
 // clock.rate and clock.offset [s] are those of the contact clock (sprag/contact_clock.h).
 #pragma once
@@ -30,11 +31,13 @@ struct Unknown {
     frequency,        ///< of harmonic group `index`, or a factor on all
     clock_rate,       ///< of the contact clock
     clock_offset,     ///< reading of the contact clock at the machine's t = 0
+    delay,            ///< of recorded input `index` [s]
     // The path is linear in the kinds below (linear_path.h).
     phase,
     amplitude,  ///< of harmonic group `index`, or a factor on all
     constant,   ///< of force `index`
     clearance,  ///< of contact `index`
+    gain,       ///< of recorded input `index`
   };
 
   Kind kind = Kind::restitution;
@@ -61,7 +64,7 @@ struct Unknown {
   /// Whether a value is at its physical limit: a damping or restitution of 0, or `upper_limit`.
   bool is_physical_bound(double value) const;
   /// Whether the relative error of a value is at most `within`, up to a tolerance in coordinates.
-  /// Phases, clearances and clock offsets are not limited.
+  /// Phases, clearances, clock offsets and delays are not limited.
   bool is_within(double value, double tolerance) const;
 
   double upper_limit = 0.0;  ///< upper limit of the value: epsilon <= 1, x_c <= l; 0: none
@@ -90,8 +93,8 @@ bool can_be_filtered(const Unknown& unknown);
 bool carries_scale(const Unknown& unknown);
 
 /// All parameters that events can determine, without `known`: one restitution if all contacts have
-/// the same, and without one amplitude, or else one constant force, that sets the scale, unless one
-/// of `known` sets it.
+/// the same, and without one amplitude, gain of a record or constant force, in this order, that
+/// sets the scale, unless one of `known` sets it.
 std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known = {});
 
 /// Parameter with this key, which may be an entry of C or K. Throws std::invalid_argument with the
@@ -112,5 +115,19 @@ struct HarmonicGroup {
 /// A beam has one group. A general system has one for its shaken frame and one for each other
 /// harmonic. Without a frame it has one for all harmonics of one frequency, else one for each.
 std::vector<HarmonicGroup> harmonic_groups(const Scene& scene);
+
+/// A recorded input of the scene, and the forces and supports that it moves.
+struct RecordedInput {
+  SampledInputPointer input;
+  std::vector<int> forces, contacts;  ///< from 0
+  std::string key;                    ///< "excitation", "force.1"
+};
+
+/// The record of the shaken frame, and one for each other force with a record.
+std::vector<RecordedInput> recorded_inputs(const Scene& scene);
+
+/// Root mean square of the rate of a record's samples over that of the samples, both without their
+/// means: the angular frequency of a sinusoid [rad/s].
+double mean_frequency(const SampledInput& input);
 
 }  // namespace sprag

@@ -1,0 +1,312 @@
+// Gain and delay of a recorded input as unknowns, on machines of one and two coordinates between
+// two stops. The truth moves under a finely sampled smooth signal, the fit knows coarser samples.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <numbers>
+#include <random>
+
+#include "sprag/detail/identification/free_flight.h"
+#include "sprag/detail/identification/recorded_response.h"
+#include "sprag/detail/identification/verdict.h"
+#include "sprag/identification.h"
+#include "tests/support/random.h"
+#include "tests/support/run.h"
+
+namespace sprag {
+namespace {
+
+// A sweep with a second tone.
+double signal(double t) {
+  return 3.0 * std::sin(t * (5.0 + 0.1 * t)) + 1.2 * std::sin(13.0 * t + 0.4);
+}
+
+SampledInputPointer sampled(double dt, double duration, SampledInput::Settings settings,
+                            double noise = 0.0, std::mt19937_64* engine = nullptr) {
+  std::vector<double> t, values;
+  std::normal_distribution<double> normal;
+  for (int k = 0; k <= static_cast<int>(duration / dt); ++k) {
+    t.push_back(dt * k);
+    values.push_back(signal(t.back()) + (engine != nullptr ? noise * normal(*engine) : 0.0));
+  }
+  return std::make_shared<const SampledInput>(t, values, std::move(settings));
+}
+
+constexpr double duration = 20.0;
+
+Scene rattle(Random& random, Eigen::Index f, bool coupled = false) {
+  Scene scene;
+  Model& model = scene.model;
+  model.M = random.positive_definite(f, 0.8, 1.3);
+  model.K = random.positive_definite(f, 15.0, 60.0);
+  model.C = coupled ? random.positive_definite(f, 0.1, 0.5) : 0.2 * model.M + 0.004 * model.K;
+  Eigen::VectorXd direction = Eigen::VectorXd::Zero(f);
+  direction[0] = 1.0;
+  for (const double side : {1.0, -1.0}) {
+    Contact contact;
+    contact.w = side * direction;
+    contact.clearance = random.uniform(0.04, 0.06);
+    contact.restitution = 0.7;
+    model.contacts.push_back(contact);
+  }
+  scene.truth.start = {Eigen::VectorXd::Zero(f), 0.3 * direction};
+  scene.prior.start = {0.03 * direction, Eigen::VectorXd::Zero(f)};
+  model.forces.push_back(
+      {direction,
+       0.0,
+       {},
+       sampled(1e-3, duration + 1.0,
+               {.interpolation = Interpolation::spline, .outside = Outside::hold})});
+  return scene;
+}
+
+std::vector<ContactEvent> events_of(const Scene& machine, double jitter, std::uint64_t seed) {
+  std::vector<ContactEvent> events = test::events_of(machine, duration);
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<double> normal;
+  for (ContactEvent& event : events) event.t += jitter * normal(engine);
+  std::stable_sort(events.begin(), events.end(),
+                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+  return events;
+}
+
+Scene with_input(const Scene& scene, const SampledInput& input) {
+  Scene changed = scene;
+  changed.model.forces[0].input = std::make_shared<const SampledInput>(input);
+  return changed;
+}
+
+const FittedUnknown& fitted(const Identification& fit, const std::string& key) {
+  return *std::find_if(fit.unknowns.begin(), fit.unknowns.end(),
+                       [&](const FittedUnknown& of) { return of.unknown.key == key; });
+}
+
+TEST(RecordedIdentification, FindsGainAndDelay) {
+  constexpr std::uint64_t seed = 71;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  constexpr double dt = 0.01;
+  for (int i = 0; i < 4; ++i) {
+    const Scene truth = rattle(random, 1 + i % 2, i == 3);
+    const auto events = events_of(truth, 0.0, seed);
+    // The record has another gain, and its times lack half a sample.
+    const double gain = 1.15, delay = 0.5 * dt;
+    std::vector<double> t, values;
+    for (double at = 0.0; at < duration + 1.0; at += dt) {
+      t.push_back(at - delay);
+      values.push_back(signal(at) / gain);
+    }
+    const Scene given = with_input(
+        truth, {t, values, {.interpolation = Interpolation::spline, .outside = Outside::hold}});
+    IdentificationSettings settings;
+    settings.unknowns = unknowns_named(given, {"force.1.gain", "force.1.delay"});
+    settings.jitter = 1e-5;
+    const Identification fit = identify(given, events, settings);
+    std::cout << "gain " << fitted(fit, "force.1.gain").value << " +- "
+              << fitted(fit, "force.1.gain").sigma << ", delay "
+              << fitted(fit, "force.1.delay").value << " +- " << fitted(fit, "force.1.delay").sigma
+              << ", impacts " << fit.impacts << '\n';
+    ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << " scatter " << fit.scatter;
+    EXPECT_NEAR(fitted(fit, "force.1.gain").value, gain, 0.01 * gain);
+    EXPECT_NEAR(fitted(fit, "force.1.delay").value, delay, 0.05 * delay);
+  }
+}
+
+// A fit absorbs the error between samples in its unknowns: without the deviation by the record it
+// would claim thousands of its errors.
+class InterpolationError : public ::testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(TruthIsLinear, InterpolationError, ::testing::Bool());
+
+TEST_P(InterpolationError, IsPartOfTheDeviations) {
+  const bool truth_is_linear = GetParam();
+  constexpr std::uint64_t seed = 72;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  double squares = 0.0, without = 0.0;
+  int values = 0;
+  for (int i = 0; i < 8; ++i) {
+    Scene truth = rattle(random, 1 + i % 2);
+    const SampledInputPointer linear = sampled(0.01, duration + 1.0, {.outside = Outside::hold});
+    SampledInput::Settings settings_of_spline = linear->settings();
+    settings_of_spline.interpolation = Interpolation::spline;
+    Scene given = with_input(truth, *linear);
+    if (truth_is_linear) {
+      given =
+          with_input(truth, {linear->sample_times(), linear->sample_values(), settings_of_spline});
+      truth = with_input(truth, *linear);
+    }
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"impact.restitution", "system.C", "system.K", "force.1.delay"});
+    for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
+    settings.mend = false;
+    const Identification fit = identify(given, events_of(truth, 0.0, seed), settings);
+    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
+              << ", scatter " << fit.scatter << ", by the record "
+              << fit.record_errors.resolution_scatter << ", other "
+              << fit.record_errors.other_scatter << '\n';
+    if (!fit.fits()) continue;
+    for (const FittedUnknown& of : fit.unknowns) {
+      if (!of.determined) continue;
+      const double error = of.value - of.unknown.nominal;
+      const double own = std::sqrt(of.sigma * of.sigma - of.of_record * of.of_record);
+      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
+                << ", without record " << own << '\n';
+      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
+      squares += error * error / (of.sigma * of.sigma);
+      without += error * error / (own * own);
+      ++values;
+    }
+  }
+  std::cout << "NEES " << squares / values << ", without the record " << without / values << " of "
+            << values << '\n';
+  EXPECT_GT(values, 20);
+  EXPECT_LT(squares, 2.0 * values);
+  // Evidence that the trial can fail.
+  EXPECT_GT(without, 4.0 * values);
+}
+
+class SampleNoise : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Shares, SampleNoise, ::testing::Values(0.003, 0.03));
+
+TEST_P(SampleNoise, IsPartOfTheDeviations) {
+  constexpr std::uint64_t seed = 73;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  std::mt19937_64 engine(seed);
+  const double noise = GetParam();
+  double squares = 0.0;
+  int values = 0;
+  for (int i = 0; i < 8; ++i) {
+    const Scene truth = rattle(random, 1 + i % 2);
+    const Scene given = with_input(
+        truth,
+        *sampled(0.01, duration + 1.0,
+                 {.interpolation = Interpolation::spline, .outside = Outside::hold, .noise = noise},
+                 noise, &engine));
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"impact.restitution", "force.1.gain", "force.1.delay"});
+    settings.jitter = 1e-5;
+    settings.mend = false;
+    const Identification fit = identify(given, events_of(truth, 1e-5, seed), settings);
+    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
+              << ", scatter " << fit.scatter << ", by noise " << fit.record_errors.noise_scatter
+              << '\n';
+    if (!fit.fits()) continue;
+    for (const FittedUnknown& of : fit.unknowns) {
+      if (!of.determined) continue;
+      const double truth_of = of.unknown.key == "force.1.delay" ? 0.0 : of.unknown.nominal;
+      const double error = of.value - truth_of;
+      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
+                << ", by record " << of.of_record << '\n';
+      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
+      squares += error * error / (of.sigma * of.sigma);
+      ++values;
+    }
+  }
+  std::cout << "NEES " << squares / values << " of " << values << '\n';
+  EXPECT_GT(values, 20);
+  EXPECT_LT(squares, 2.0 * values);
+  EXPECT_GT(squares, 0.2 * values);
+}
+
+// A given jitter does not hide that the record is too coarse.
+TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
+  constexpr std::uint64_t seed = 74;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  const Scene truth = rattle(random, 1);
+  const Scene given = with_input(truth, *sampled(0.02, duration + 1.0, {.outside = Outside::hold}));
+  const auto events = events_of(truth, 1e-7, seed);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(given, {"impact.restitution"});
+  settings.jitter = 1e-7;
+  settings.mend = false;
+  const Identification fit = identify(given, events, settings);
+  ASSERT_EQ(fit.problem, FitProblem::wrong_model);
+  EXPECT_TRUE(fit.record_errors.explains(fit.scatter));
+  EXPECT_NE(reason_of(fit).find("recorded input"), std::string::npos) << reason_of(fit);
+  // Within a jitter that covers the scatter, the record limits the value.
+  settings.jitter = 2.0 * fit.scatter;
+  const Identification wide = identify(given, events, settings);
+  ASSERT_TRUE(wide.fits());
+  const FittedUnknown& epsilon = wide.unknowns.front();
+  std::cout << "restitution " << epsilon.value << " +- " << epsilon.sigma << ", by the record "
+            << epsilon.of_record << '\n';
+  EXPECT_GT(epsilon.of_record, 0.0);
+  EXPECT_LT(std::abs(epsilon.value - 0.7), 4.0 * epsilon.sigma);
+}
+
+// A frame whose displacement was recorded moves supports on the ground.
+TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
+  constexpr std::uint64_t seed = 75;
+  std::cout << "seed " << seed << '\n';
+  constexpr double dt = 0.002, delay = 0.5 * dt;
+  const auto e = [](double t) {
+    return 0.004 * std::sin(11.0 * t) + 0.002 * std::sin(t * (17.0 + 0.3 * t));
+  };
+  const auto record = [&](double every, double shift) {
+    std::vector<double> t, values;
+    for (int k = -5; every * k < duration + 1.0; ++k) {
+      t.push_back(every * k - shift);
+      values.push_back(e(every * k));
+    }
+    return SampledInput(t, values, {.interpolation = Interpolation::spline, .displacement = true});
+  };
+  Random random(seed);
+  for (const Eigen::Index f : {1, 2}) {
+    Scene scene = rattle(random, f);
+    scene.model.forces.clear();
+    scene.frame.emplace();
+    scene.frame->influence = Eigen::VectorXd::Ones(f);
+    const auto with_record = [&](const SampledInput& input) {
+      Scene changed = scene;
+      const auto shared = std::make_shared<const SampledInput>(input);
+      changed.frame->input = shared;
+      changed.model.forces.push_back(frame_force(changed.model.M, *changed.frame));
+      for (int i = 0; i < 2; ++i) {
+        Contact& contact = changed.model.contacts[static_cast<std::size_t>(i)];
+        contact.clearance = 0.01;
+        contact.input = shared;
+        contact.input_share = contact.w.dot(changed.frame->influence);
+        changed.frame->on_ground.push_back(i);
+      }
+      return changed;
+    };
+    const auto events = events_of(with_record(record(2e-4, 0.0)), 0.0, seed);
+    const Scene given = with_record(record(dt, delay));
+    IdentificationSettings settings;
+    settings.unknowns =
+        unknowns_named(given, {"excitation.delay", "excitation.gain", "impact.restitution"});
+    settings.jitter = 1e-5;
+    const Identification fit = identify(given, events, settings);
+    ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << ", scatter " << fit.scatter;
+    std::cout << "delay " << fit.unknowns[0].value << " +- " << fit.unknowns[0].sigma << ", gain "
+              << fit.unknowns[1].value << " +- " << fit.unknowns[1].sigma << '\n';
+    EXPECT_NEAR(fit.unknowns[0].value, delay, 0.05 * delay);
+    EXPECT_NEAR(fit.unknowns[1].value, 1.0, 1e-3);
+    EXPECT_EQ(fit.fitted.frame->input, fit.fitted.model.forces[0].input);
+    EXPECT_EQ(fit.fitted.model.contacts[1].input, fit.fitted.model.forces[0].input);
+    EXPECT_EQ(fit.fitted.frame->input->settings().delay, fit.unknowns[0].value);
+  }
+}
+
+TEST(RecordedIdentification, KeysAndScale) {
+  Random random(76);
+  const Scene scene = rattle(random, 1);
+  // The gain sets the scale, unless a clearance is known.
+  const auto has = [](const std::vector<Unknown>& unknowns, const std::string& key) {
+    return std::any_of(unknowns.begin(), unknowns.end(),
+                       [&](const Unknown& unknown) { return unknown.key == key; });
+  };
+  EXPECT_FALSE(has(all_but_the_scale(scene), "force.1.gain"));
+  EXPECT_TRUE(has(all_but_the_scale(scene), "force.1.delay"));
+  EXPECT_TRUE(has(all_but_the_scale(scene, {"contact.1.clearance"}), "force.1.gain"));
+}
+
+}  // namespace
+}  // namespace sprag
