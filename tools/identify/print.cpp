@@ -211,8 +211,8 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   return entry;
 }
 
-Json ambiguities_of(const Identification& fit) {
-  Json all = Json::array();
+nlohmann::ordered_json ambiguities_of(const Identification& fit) {
+  auto all = nlohmann::ordered_json::array();
   for (const ClockAmbiguity& ambiguity : fit.ambiguities) {
     all.push_back(
         {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
