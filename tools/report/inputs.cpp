@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <system_error>
 
 #include "sprag/detail/files/input_file.h"
@@ -170,6 +171,11 @@ Inputs read_inputs(const std::vector<std::string>& texts, const CommonOptions& c
     throw UsageError(std::string("no file of a run is given beside the scene; ") + allowed);
   }
   put_labels(of_tables, inputs.tables);
+  const auto predictions = std::stable_partition(
+      inputs.tables.begin(), inputs.tables.end(),
+      [](const plot::Table& table) { return table.kind != TableKind::predictions; });
+  std::move(predictions, inputs.tables.end(), std::back_inserter(inputs.predictions));
+  inputs.tables.erase(predictions, inputs.tables.end());
   // Curves of machines are thick, so that those of estimates are drawn over them.
   std::stable_partition(inputs.tables.begin(), inputs.tables.end(), [](const plot::Table& table) {
     return table.kind == TableKind::states && !is_estimate(table);

@@ -33,7 +33,8 @@ struct ObserverRun {
 
 struct Inputs {
   Scene scene;
-  std::vector<plot::Table> tables;
+  std::vector<plot::Table> tables;  ///< without predictions
+  std::vector<plot::Table> predictions;
   std::vector<JsonFile> reports;
   std::vector<ReadFile> files;
 

@@ -45,12 +45,8 @@ std::optional<plot::Figure> figure_of(const Inputs& inputs, std::vector<std::str
   options.show = std::move(show);
   options.from = shown.from;
   options.to = shown.to;
-  std::vector<plot::Table> tables;
-  for (const plot::Table& table : inputs.tables) {
-    if (table.kind != TableKind::predictions) tables.push_back(table);
-  }
-  if (tables.empty()) return std::nullopt;
-  plot::Figure figure = plot::make_figure(tables, &inputs.scene, options, left_out);
+  if (inputs.tables.empty()) return std::nullopt;
+  plot::Figure figure = plot::make_figure(inputs.tables, &inputs.scene, options, left_out);
   figure.title.clear();
   return figure;
 }
@@ -232,8 +228,7 @@ void add_innovations(const plot::Table& states, double jitter, Section& section)
 void add_predictions(const Inputs& inputs, Section& section) {
   const plot::Table* source = inputs.first(TableKind::events);
   if (source == nullptr) source = inputs.first(TableKind::impacts);
-  for (const plot::Table& table : inputs.tables) {
-    if (table.kind != TableKind::predictions) continue;
+  for (const plot::Table& table : inputs.predictions) {
     if (source == nullptr) {
       section.blocks.emplace_back(Paragraph{
           "Predictions are given without measured events: an events CSV or an impacts CSV."});
