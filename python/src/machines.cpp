@@ -635,6 +635,10 @@ void bind_scene(py::module_& module) {
       .def_property_readonly(
           "jitter", [](const Scene& scene) { return scene.prior.jitter; },
           "Standard deviation of event times [s].")
+      .def(
+          "machine_time", [](const Scene& scene, double t) { return machine_time(scene.clock, t); },
+          py::arg("t"),
+          "The machine's time at a reading of the contact clock [s], by the scene's [clock].")
       .def_property_readonly(
           "tolerance", [](const Scene& scene) -> const Tolerance& { return scene.prior.tolerance; },
           py::return_value_policy::reference_internal,

@@ -121,7 +121,8 @@ py::array events_of_file(const std::filesystem::path& file, const Scene& scene) 
   if (recorded.damage) warn(file, *recorded.damage);
   if (const std::size_t before = to_machine_time(scene.clock, recorded); before > 0) {
     const std::string text = file.string() + ": " + std::to_string(before) +
-                             " events before the machine's t = 0, by clock.offset, left out";
+                             (before == 1 ? " event" : " events") +
+                             " before the machine's t = 0, by clock.offset, left out";
     if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
   }
   for (ContactEvent& event : recorded.events) ++event.contact;

@@ -188,7 +188,8 @@ TEST(Clock, RateIsFoundToItsSigma) {
   const ContactClock clock{.offset = 0.003, .rate = 1.0002};
   for (const Case& of : cases) {
     double squares = 0.0, largest_sigma = 0.0;
-    const int runs = repetitions(8);
+    int refused = 0;
+    const int runs = long_repetitions(32);
     const std::vector<ContactEvent> exact = impacts_of(of.scene, of.duration);
     for (int seed = 1; seed <= runs; ++seed) {
       // Only a sought offset or phase may take the shift of the times.
@@ -196,8 +197,12 @@ TEST(Clock, RateIsFoundToItsSigma) {
       const ContactClock recorded{.offset = shifted ? clock.offset : 0.0, .rate = clock.rate};
       const auto events = by_clock(exact, recorded, of.jitter, static_cast<unsigned>(seed));
       const Identification found = fit(of.scene, events, of.keys, of.jitter);
-      ASSERT_TRUE(found.fits()) << of.scene.name << " seed " << seed << ' '
-                                << name_of(found.problem);
+      if (!found.fits()) {
+        // A fit of a chaotic path may end in a valley. It is refused and claims nothing.
+        EXPECT_EQ(found.problem, FitProblem::degenerate_orbit) << of.scene.name << " seed " << seed;
+        ++refused;
+        continue;
+      }
       const FittedUnknown& rate = fitted(found, "clock.rate");
       ASSERT_TRUE(rate.determined);
       const double z = (rate.value - clock.rate) / rate.sigma;
@@ -211,13 +216,15 @@ TEST(Clock, RateIsFoundToItsSigma) {
       squares += z * z;
       largest_sigma = std::max(largest_sigma, rate.sigma);
     }
-    std::cout << of.scene.name << ", seeds 1 to " << runs << ": mean of (error / sigma)^2 "
-              << squares / runs << ", largest sigma " << largest_sigma << '\n';
+    EXPECT_LE(refused, runs / 16) << of.scene.name;
+    std::cout << of.scene.name << ", seeds 1 to " << runs << ", refused " << refused
+              << ": mean of (error / sigma)^2 " << squares / (runs - refused) << ", largest sigma "
+              << largest_sigma << '\n';
     sum += squares;
-    of_all += runs;
+    of_all += runs - refused;
   }
   if (sanitized) return;
-  // Of 32 errors: chi^2 / 32 is in [0.4, 1.9] but for once in 1000 trials.
+  // Of 32 errors chi^2 / 32 is outside of [0.4, 1.9] once in 400 trials.
   std::cout << "all: " << sum / of_all << '\n';
   EXPECT_GT(sum / of_all, 0.4);
   EXPECT_LT(sum / of_all, 1.9);

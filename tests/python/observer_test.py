@@ -193,6 +193,19 @@ class ObserverTest(unittest.TestCase):
         with self.assertRaises(sprag.InputError):
             sprag.read_events("/nowhere/events.csv", scene())
 
+    def test_an_events_file_has_the_contact_clocks_times(self):
+        text = (SOURCE / "scenes" / "lab_rig.toml").read_text() + "\n[clock]\nrate = 2.0\noffset = 3.0\n"
+        clocked = sprag.parse_scene(text)
+        self.assertEqual(clocked.machine_time(5.0), 1.0)
+        self.assertEqual(scene("lab_rig").machine_time(5.0), 5.0)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "events.csv"
+            file.write_text("t,contact,closed\n2,1,1\n2,1,0\n5,1,1\n5,1,0\n")
+            with self.assertWarns(RuntimeWarning) as caught:
+                events = sprag.read_events(file, clocked)
+            self.assertIn("1 event before the machine's t = 0", str(caught.warning))
+            np.testing.assert_array_equal(events["t"], [1.0])
+
     def test_contradictory_events_are_counted(self):
         estimates = sprag.observe(scene(), [(0.5, 1, 2), (0.6, 1, 3)], 1.0)
         self.assertEqual((estimates.taken, estimates.skipped), (1, 1))

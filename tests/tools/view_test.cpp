@@ -9,6 +9,8 @@
 #include <numbers>
 #include <random>
 
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contacts_codec.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/observer.h"
 #include "sprag/scene_file.h"
@@ -18,6 +20,7 @@
 #include "tools/view/gateway/rules.h"
 #include "tools/view/history.h"
 #include "tools/view/raster.h"
+#include "tools/view/reception.h"
 #include "tools/view/watch.h"
 
 namespace sprag::view {
@@ -426,6 +429,20 @@ TEST(Watch, EventsOfMessagesAreTakenOnceAndSuspectsAreKept) {
   EXPECT_EQ(curves.closures[0].size(), 5u);
   ASSERT_EQ(curves.suspects.size(), 1u);
   EXPECT_EQ(curves.suspects[0].suspicion, Suspicion::spurious_event);
+}
+
+TEST(Watch, EventsOfMessagesHaveTheMachinesTime) {
+  Stage stage(two_carriages(), Freshness::any);
+  Reception reception(stage, {.offset = 3.0, .rate = 2.0});
+  MessageBuilder builder(5, 2.0, 1);
+  const ContactEvent event{4.0, 0, ContactEventKind::pulse};
+  builder.add({&event, 1});
+  EncodedContacts bytes;
+  encode(builder.next(event.t, 0), bytes);
+  reception.take(contacts_channel, bytes, {1, 0});
+  const Frame frame = stage.watch.frame(2);
+  EXPECT_EQ(frame.contacts[0].events, 1u);
+  EXPECT_EQ(frame.contacts[0].last, 0.5);
 }
 
 TEST(DrawnMachine, BeamTouchesStopAtZeroGap) {
