@@ -16,9 +16,9 @@ namespace sprag {
 
 class Reception {
  public:
-  /// Subscribes to the messages of a machine with `contacts` contacts. All arguments must outlive
-  /// this.
-  Reception(Bus& bus, int contacts, Inbox& inbox, Notices& notices);
+  /// Subscribes to the messages of a machine with `contacts` contacts, and to those of its input if
+  /// `streamed`. All arguments must outlive this.
+  Reception(Bus& bus, int contacts, bool streamed, Inbox& inbox, Notices& notices);
   Reception(const Reception&) = delete;
   Reception& operator=(const Reception&) = delete;
 
@@ -33,6 +33,7 @@ class Reception {
 
  private:
   void receive(std::span<const std::uint8_t> data, std::int64_t utime);
+  void receive_input(std::span<const std::uint8_t> data, std::int64_t utime);
   void raise_refused();
   void hand_over_figures();
   bool raise_increase(Notice notice, std::int64_t count);
