@@ -25,6 +25,7 @@
 namespace sprag {
 
 inline constexpr const char* contacts_channel = "SPRAG_CONTACTS";
+inline constexpr const char* input_channel = "SPRAG_INPUT";
 inline constexpr const char* truth_channel = "SPRAG_TRUTH";
 inline constexpr const char* estimate_channel = "SPRAG_ESTIMATE";
 inline constexpr const char* settled_channel = "SPRAG_SETTLED";

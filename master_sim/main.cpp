@@ -24,6 +24,8 @@ int main(int argc, char** argv) {
                   "Write the state at every tick here");
   sprag::add_flag(*app, "!--no-lcm", options.lcm, "Publish nothing");
   sprag::add_flag(*app, "!--no-truth", options.truth, "Do not publish the true state");
+  sprag::add_flag(*app, "--publish-input", options.publish_input,
+                  "Publish the record of the excitation, for observers of a streamed one");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     return sprag::run_master(sprag::load_scene(scene, common), options, common, report);

@@ -14,6 +14,7 @@
 #include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
+#include "lcmtypes/input_sender.h"
 #include "lcmtypes/state_codec.h"
 #include "lcmtypes/wall_clock.h"
 #include "sprag/detail/files/confidence_columns.h"
@@ -36,6 +37,18 @@ constexpr double least_stride = 1.0;
 // Events that the simulation finds before they are written and sent.
 constexpr std::size_t events_at_once = 1000;
 
+// The record of the scene's excitation. Throws UsageError if it cannot be published.
+SampledInputPointer record_of(const Scene& scene) {
+  for (const Force& force : scene.model.forces) {
+    if (!force.input) continue;
+    if (!force.input->even() || force.input->settings().displacement) break;
+    return force.input;
+  }
+  throw UsageError(
+      "--publish-input: " + printable(scene.name) +
+      " must have a recorded acceleration or force with even samples (the key `file`)");
+}
+
 class MasterProcess {
  public:
   MasterProcess(const Scene& scene, const MasterOptions& options, const CommonOptions& common)
@@ -50,6 +63,9 @@ class MasterProcess {
       sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()),
                       scene.clock.rate * options.speed);
       sample_.session = sender_->session();
+      if (options.publish_input) {
+        input_sender_.emplace(*bus_, record_of(scene), sender_->session());
+      }
     }
     if (!options.events.empty()) {
       events_file_.emplace(options.events);
@@ -88,7 +104,9 @@ class MasterProcess {
     report["ticks"] = next_tick_;
     report["session"] = sample_.session;
     report["messages"] = sender_ ? sender_->messages() : 0;
-    report["unsent"] = (sender_ ? sender_->unsent() : 0) + unsent_states_;
+    report["unsent"] = (sender_ ? sender_->unsent() : 0) + unsent_states_ +
+                       (input_sender_ ? input_sender_->unsent() : 0);
+    if (input_sender_) report["input_messages"] = input_sender_->messages();
     report["wall_s"] = std::chrono::duration<double>(Clock::now() - start_).count();
     const bool events_good = !events_file_ || events_file_->close();
     const bool states_good = !states_file_ || states_file_->close();
@@ -105,7 +123,10 @@ class MasterProcess {
     while (!stop_requested()) {
       const double t = std::min(due(), options_.duration);
       advance(t);
-      if (sender_ && sender_->due()) send();
+      if (sender_ && sender_->due()) {
+        send();
+        if (input_sender_) input_sender_->send(reached_);
+      }
       if (t >= options_.duration) break;
       if (Clock::now() >= next_progress) {
         progress(t);
@@ -116,7 +137,9 @@ class MasterProcess {
   }
 
   double due() const {
-    if (std::isinf(options_.speed)) return reached_ + stride_;
+    if (std::isinf(options_.speed)) {
+      return reached_ + (input_sender_ ? std::min(stride_, input_sender_->stride()) : stride_);
+    }
     return options_.speed * std::chrono::duration<double>(Clock::now() - start_).count();
   }
 
@@ -206,6 +229,8 @@ class MasterProcess {
     for (int i = 0; i < ContactSender::goodbyes; ++i) {
       if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
       send();
+      // The sample after the end completes the last interval.
+      if (input_sender_) input_sender_->send(reached_, 1);
       if (options_.truth && next_tick_ > 0)
         (void)bus_->publish(truth_channel, encode(sample_, buffer_));
     }
@@ -230,7 +255,8 @@ class MasterProcess {
   std::int64_t last_tick_;
   bool wants_states_;
   std::optional<Bus> bus_;
-  std::optional<ContactSender> sender_;  // on the bus
+  std::optional<ContactSender> sender_;      // on the bus
+  std::optional<InputSender> input_sender_;  // with options_.publish_input
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
   bool reported_events_ = false, reported_states_ = false;
@@ -273,6 +299,10 @@ int run_master(const Scene& scene, const MasterOptions& options, const CommonOpt
     throw UsageError(
         "clock.offset is negative: events before the contact clock's 0 have no time in "
         "messages and files; must be >= 0 for master_sim");
+  }
+  if (options.publish_input) {
+    if (!options.lcm) throw UsageError("--publish-input and --no-lcm exclude each other");
+    (void)record_of(scene);
   }
   MasterProcess process(scene, options, common);
   try {

@@ -19,6 +19,7 @@ struct MasterOptions {
   std::filesystem::path states;  ///< CSV; empty: none
   bool lcm = true;
   bool truth = true;
+  bool publish_input = false;  ///< publish the record of the excitation on SPRAG_INPUT
 };
 
 /// Runs until `duration` or a signal. Returns the exit code. Throws ModelError, BusError,

@@ -3,25 +3,46 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <string>
 
+#include "command_line/program.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/replica/penetration.h"
 
 namespace sprag {
 
-Estimation::Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history)
-    : supports(scene.model.contacts),
-      length(length_scale(scene.model, scene.prior.start)),
-      contacts(static_cast<int>(scene.model.contacts.size())),
-      coordinates(scene.model.coordinates()),
+namespace {
+
+// Throws UsageError for options that a streamed excitation excludes.
+const Scene& checked(const Scene& scene, const ObserverOptions& options) {
+  if (!(scene.stream_duration > 0.0)) return scene;
+  const auto refuse = [](const char* option) {
+    throw UsageError(std::string(option) + " does not support a streamed excitation (the key " +
+                     "`stream`)");
+  };
+  if (options.stepper != StepperKind::exact) refuse("--stepper moreau");
+  if (!options.impacts.empty()) refuse("--impacts");
+  if (options.predict > 0.0) refuse("--predict");
+  return scene;
+}
+
+}  // namespace
+
+Estimation::Estimation(const Scene& given, const ObserverOptions& options, std::int64_t history)
+    : of(checked(given, options)),
+      supports(of.scene.model.contacts),
+      length(length_scale(of.scene.model, of.scene.prior.start)),
+      contacts(static_cast<int>(of.scene.model.contacts.size())),
+      coordinates(of.scene.model.coordinates()),
       // The bound is valid only with the right model.
       initial_bound(options.estimator == EstimatorKind::adaptive
                         ? std::numeric_limits<double>::infinity()
-                        : sprag::initial_bound(scene)),
+                        : sprag::initial_bound(of.scene)),
       adaptive(options.estimator == EstimatorKind::adaptive),
-      estimator(scene, options.tick, options.estimator, options.stepper),
-      time_line(estimator, contacts, scene.prior.start, history),
-      guarantee(guarantee_of(scene, estimator)) {
+      estimator(of.scene, options.tick, options.estimator, options.stepper),
+      time_line(estimator, contacts, of.scene.prior.start, history),
+      stream(of.input ? std::make_unique<InputStream>(of, *estimator.flows(), time_line) : nullptr),
+      guarantee(guarantee_of(of.scene, estimator)) {
   set_end(options.duration);
 }
 
@@ -66,6 +87,7 @@ void Estimation::describe(const State& state, EstimateSample& sample) {
     guarantee->complete(time_line, sample.t, settled, estimator, state, sample.q, sample.u,
                         sample.confidence);
   }
+  if (stream) stream->widen(sample);
   name_known_loss(sample.confidence);
   // An adaptive filter has estimated supports, not those of the scene.
   const bool of_others = sample.confidence.parameters.any() && sample.confidence.from_filter;
@@ -81,6 +103,16 @@ void Estimation::pass(const State& state) {
 void Estimation::to_json(nlohmann::ordered_json& report) {
   report["settled_tick"] = time_line.handed_out();
   report["flow_path"] = estimator.flow_path();
+  if (!stream) return;
+  const InputCounts& counts = stream->counts();
+  report["input"] = {{"messages", counts.messages},
+                     {"refused", counts.refused},
+                     {"samples", counts.samples},
+                     {"gaps", counts.gaps},
+                     {"filled", counts.filled},
+                     {"no_room", counts.no_room},
+                     {"newest", stream->started() ? nlohmann::ordered_json(stream->newest())
+                                                  : nlohmann::ordered_json(nullptr)}};
 }
 
 }  // namespace sprag

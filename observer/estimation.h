@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lcmtypes/state_codec.h"
+#include "observer/input_stream.h"
 #include "observer/options.h"
 #include "sprag/detail/bound/guarantee.h"
 #include "sprag/detail/filter/tracking_estimator.h"
@@ -20,6 +21,7 @@ struct Estimation {
   using State = TrackingEstimator::State;
 
   /// Keeps `history` ticks for rollbacks. Throws ModelError.
+  /// Throws UsageError if the scene's excitation is streamed and the options do not allow it.
   Estimation(const Scene& scene, const ObserverOptions& options, std::int64_t history);
   Estimation(const Estimation&) = delete;
   Estimation& operator=(const Estimation&) = delete;
@@ -44,6 +46,7 @@ struct Estimation {
   /// Sets the cause of the last gate failure if records before it are known to be lost.
   void name_known_loss(Confidence& confidence) const;
 
+  StreamedScene of;
   std::vector<Contact> supports;
   double length;  ///< length_scale() [m]
   int contacts;
@@ -52,6 +55,7 @@ struct Estimation {
   bool adaptive;         ///< parameters are identified during the run, so no bound is valid
   TrackingEstimator estimator;
   TimeLine<TrackingEstimator> time_line;
+  std::unique_ptr<InputStream> stream;   ///< null: the excitation is not streamed
   std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica
 };
 

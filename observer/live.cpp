@@ -55,12 +55,15 @@ class LiveObserver {
         bus_(common.url, key_of(common)),
         settled_(options.states, estimation_.empty_sample(), estimation_.initial_bound,
                  scene.model.outputs),
-        reception_(bus_, estimation_.contacts, scene.clock, inbox_, notices_),
+        reception_(bus_, estimation_.contacts, scene.clock, estimation_.stream != nullptr, inbox_,
+                   notices_),
         loop_(estimation_, options.last(),
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
         publication_(bus_, inbox_, outbox_, notices_, settled_, reception_, options.duration,
                      scene.model.outputs) {
-    if (Flows* flows = estimation_.estimator.flows()) flow_builder_.emplace(*flows);
+    // New samples of a streamed input change flows, which another thread must not build meanwhile.
+    Flows* flows = estimation_.estimator.flows();
+    if (flows != nullptr && !estimation_.stream) flow_builder_.emplace(*flows);
     if (const MachineFamily* family = estimation_.estimator.family()) {
       identification_.emplace(*family, TrackingEstimator::most_events);
       loop_.identify_in(*identification_);
@@ -111,6 +114,7 @@ class LiveObserver {
     write_json(figures, report);
     print(figures, std::cerr);
     estimation_.to_json(report);
+    if (estimation_.stream) estimation_.stream->print(std::cerr);
     report["flows_awaited"] = flow_builder_ ? flow_builder_->awaited() : 0;
     settled_.sum_up(events, report);
     std::string failure = failure_of_a_thread();

@@ -12,12 +12,18 @@
 #include "observer/wake.h"
 #include "recording/arrival.h"
 #include "sprag/detail/events/contact_message.h"
+#include "sprag/detail/events/input_message.h"
 
 namespace sprag {
 
 struct ReceivedMessage {
   ContactMessage message;
   Arrival arrival;
+};
+
+struct ReceivedInput {
+  InputMessage message;
+  std::int64_t arrival = 0;  ///< monotonic [ns]
 };
 
 /// From the receiving thread to the integrating thread. Messages of the followed session have a
@@ -27,6 +33,7 @@ struct Inbox {
 
   SpscQueue<ReceivedMessage> followed{slots, ReceivedMessage{}};
   SpscQueue<ReceivedMessage> strangers{slots, ReceivedMessage{}};
+  SpscQueue<ReceivedInput> inputs{slots, ReceivedInput{}};  ///< on SPRAG_INPUT
   Wake arrived;
   std::atomic<bool> follows{false};  ///< set by the integrating thread when it follows a session
   std::atomic<std::int64_t> session{0};       ///< that session; valid once `follows` is set
@@ -42,6 +49,8 @@ struct Announcement {
     other_master,
     silence,
     end_of_run,
+    input_silence,
+    input_regained,
     real_time_lost,
     real_time_regained
   };

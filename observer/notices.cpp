@@ -14,6 +14,10 @@ void skipped(double t, double contact, const char* why, std::ostream& out) {
 
 void describe(Notice notice, double first, double second, std::ostream& out) {
   switch (notice) {
+    case Notice::bad_input:
+      out << "message on SPRAG_INPUT refused: it is not of type sprag.input_t, or a count, a time "
+             "or a value is out of range";
+      return;
     case Notice::unauthenticated:
       out << "message refused: not signed with this key; give the machine the same --key";
       return;

@@ -39,11 +39,12 @@ enum class Notice {
   beyond_horizon,
   unknown_contact,
   contradicting,
-  gap,      ///< from, to [s]
-  resumed,  ///< from, to [s]: watermarks
+  gap,        ///< from, to [s]
+  resumed,    ///< from, to [s]: watermarks
+  bad_input,  ///< none
 };
 
-inline constexpr std::size_t notice_kinds = 25;
+inline constexpr std::size_t notice_kinds = 26;
 
 class Notices {
  public:

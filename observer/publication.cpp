@@ -127,6 +127,14 @@ void Publication::publish_parameters(const EstimateSample& estimate) {
 void Publication::print(const Announcement& announcement) {
   const auto digits = std::cerr.precision(12);
   switch (announcement.kind) {
+    case Announcement::Kind::input_silence:
+      std::cerr << "no sample of the excitation for 1 s, at t = " << announcement.t
+                << ": the estimate holds the last value, its standard deviations grow, and nothing "
+                   "settles\n";
+      break;
+    case Announcement::Kind::input_regained:
+      std::cerr << "samples of the excitation arrive again, at t = " << announcement.t << '\n';
+      break;
     case Announcement::Kind::session:
       if (observing_ && announcement.session != reported_session_) {
         std::cerr << "new session: the master was restarted; ";

@@ -57,6 +57,7 @@ void RealTimeLoop::turn(bool& in_time) {
   const std::int64_t begin = monotonic_now();
   if (begin - status_reported_ >= health_period) hand_over_status(begin);
   take_messages();
+  if (estimation_.stream) take_inputs();
   if (!time_line_.started()) return;
   watch(begin);
   identify();
@@ -91,6 +92,17 @@ void RealTimeLoop::take_messages() {
     sessions_.note_drop(inbox_.last_drop.load(std::memory_order_acquire));
     take(*stranger);
     inbox_.strangers.pop();
+  }
+}
+
+// The samples of the followed session. Others are left out; their sender repeats the last ones.
+void RealTimeLoop::take_inputs() {
+  while (const ReceivedInput* received = inbox_.inputs.front()) {
+    if (time_line_.started() && received->message.session == sessions_.session()) {
+      last_input_ = received->arrival;
+      estimation_.stream->take(received->message);
+    }
+    inbox_.inputs.pop();
   }
 }
 
@@ -130,6 +142,8 @@ void RealTimeLoop::take(const ReceivedMessage& received) {
 // A new session begins.
 void RealTimeLoop::start(const ReceivedMessage& received) {
   const EventCounts events = time_line_.events().counts();
+  if (estimation_.stream) estimation_.stream->restart();
+  last_input_ = received.arrival.monotonic;
   time_line_.restart(received.message);
   raise_skipped(time_line_.events(), events, notices_);
   inbox_.session.store(received.message.session, std::memory_order_relaxed);
@@ -179,7 +193,8 @@ void RealTimeLoop::receive_events(const ContactMessage& message, bool after_a_lo
   std::size_t known = time_line_.events().events().size();
   const std::int64_t present = time_line_.now();
   const EventCounts before = time_line_.events().counts();
-  const bool again = resumed ? time_line_.resume(message) : time_line_.receive(message);
+  const bool again = (estimation_.stream && estimation_.stream->restarts_after(message)) ||
+                     (resumed ? time_line_.resume(message) : time_line_.receive(message));
   raise_skipped(time_line_.events(), before, notices_);
   const auto& events = time_line_.events().events();
   if (again) {
@@ -339,6 +354,12 @@ void RealTimeLoop::watch(std::int64_t now) {
   const bool silent = now - received > silent_after;
   if (silent && !silent_) announce(Announcement::Kind::silence);
   silent_ = silent;
+  if (!estimation_.stream) return;
+  const bool input_silent = now - last_input_ > silent_after;
+  if (input_silent != input_silent_) {
+    announce(input_silent ? Announcement::Kind::input_silence : Announcement::Kind::input_regained);
+  }
+  input_silent_ = input_silent;
 }
 
 void RealTimeLoop::end_loss(std::int64_t now) {

@@ -51,6 +51,7 @@ class RealTimeLoop {
   // Messages.
   void take_messages();
   void take_followed();
+  void take_inputs();
   void take(const ReceivedMessage& received);
   void start(const ReceivedMessage& received);
   void start_again(const ReceivedMessage& received);
@@ -98,7 +99,9 @@ class RealTimeLoop {
   std::vector<std::int64_t> new_events_due_;  // local times of events received in this turn
   Pace pace_ = Pace::catching_up;
   std::int64_t lost_since_ = 0;
-  bool silent_ = false;  // no contact message for 1 s; updated by watch()
+  std::int64_t last_input_ = 0;  // arrival of the last message of the input, monotonic [ns]
+  bool input_silent_ = false;    // none for 1 s; updated by watch()
+  bool silent_ = false;          // no contact message for 1 s; updated by watch()
   SettledFollower* follower_ = nullptr;
   std::int64_t reported_start_ = 0;   // start of the time line that the follower has received
   std::int64_t reported_events_ = 0;  // number of events that the follower has received

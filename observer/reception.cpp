@@ -4,6 +4,7 @@
 
 #include "lcmtypes/big_endian.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/input_codec.h"
 #include "lcmtypes/wall_clock.h"
 
 namespace sprag {
@@ -53,11 +54,31 @@ Arrival arrival_of(std::int64_t utime) {
 
 }  // namespace
 
-Reception::Reception(Bus& bus, int contacts, const ContactClock& clock, Inbox& inbox,
+Reception::Reception(Bus& bus, int contacts, const ContactClock& clock, bool streamed, Inbox& inbox,
                      Notices& notices)
     : bus_(bus), contacts_(contacts), clock_(clock), inbox_(inbox), notices_(notices) {
   bus_.subscribe(contacts_channel, [this](std::string_view, std::span<const std::uint8_t> data,
                                           std::int64_t utime) { receive(data, utime); });
+  if (!streamed) return;
+  bus_.subscribe(input_channel, [this](std::string_view, std::span<const std::uint8_t> data,
+                                       std::int64_t utime) { receive_input(data, utime); });
+}
+
+void Reception::receive_input(std::span<const std::uint8_t> data, std::int64_t utime) {
+  ReceivedInput* slot = inbox_.inputs.free_slot();
+  if (slot == nullptr) {
+    ++figures_.overflowed;
+    return;
+  }
+  slot->arrival = arrival_of(utime).monotonic;
+  const Refusal refusal = decode(data, slot->message);
+  if (refusal != Refusal::none) {
+    ++figures_.refused[static_cast<std::size_t>(refusal)];
+    notices_.raise(Notice::bad_input);
+    return;
+  }
+  inbox_.inputs.push();
+  inbox_.arrived.signal();
 }
 
 void Reception::run(const std::atomic<bool>& stop) {

@@ -16,9 +16,11 @@ namespace sprag {
 
 class Reception {
  public:
-  /// Subscribes to the messages of a machine with `contacts` contacts, whose times are on `clock`;
-  /// the queues have the machine's time. All arguments but the clock must outlive this.
-  Reception(Bus& bus, int contacts, const ContactClock& clock, Inbox& inbox, Notices& notices);
+  /// Subscribes to the messages of a machine with `contacts` contacts, whose times are on `clock`,
+  /// and to those of its input if `streamed`; the queues have the machine's time. All arguments but
+  /// the clock must outlive this.
+  Reception(Bus& bus, int contacts, const ContactClock& clock, bool streamed, Inbox& inbox,
+            Notices& notices);
   Reception(const Reception&) = delete;
   Reception& operator=(const Reception&) = delete;
 
@@ -33,6 +35,7 @@ class Reception {
 
  private:
   void receive(std::span<const std::uint8_t> data, std::int64_t utime);
+  void receive_input(std::span<const std::uint8_t> data, std::int64_t utime);
   void raise_refused();
   void hand_over_figures();
   bool raise_increase(Notice notice, std::int64_t count);

@@ -90,6 +90,13 @@ class Replay {
     RecordedMessages log(std::move(file), estimation_.contacts, clock_, key);
     // The age of a recording does not matter.
     SessionTracker sessions(Freshness::any, estimation_.estimator.h());
+    if (InputStream* stream = estimation_.stream.get()) {
+      log.on_input([&sessions, stream, this](const InputMessage& message) {
+        if (!time_line_.started() || message.session != sessions.session()) return;
+        stream->take(message);
+        settle();
+      });
+    }
     ContactMessage contacts;
     Arrival arrival;
     try {
@@ -127,6 +134,7 @@ class Replay {
     notices_.print_rest(std::cerr);
     report["ticks"] = settled_.ticks();
     estimation_.to_json(report);
+    if (estimation_.stream) estimation_.stream->print(std::cerr);
     settled_.sum_up(time_line_.events(), report);
     settled_.close();
     if (events_) events_->finish();
@@ -144,6 +152,7 @@ class Replay {
         raise_odd(sessions.oddity(), report, time_line_.events().horizon(), notices_);
         break;
       case SessionTracker::Verdict::starts:
+        if (estimation_.stream) estimation_.stream->restart();
         time_line_.restart(report);
         break;
       case SessionTracker::Verdict::resumes:
@@ -151,6 +160,7 @@ class Replay {
         time_line_.resume(report);
         break;
       case SessionTracker::Verdict::continues:
+        if (estimation_.stream && estimation_.stream->restarts_after(report)) break;
         time_line_.receive(report);
         break;
     }
@@ -168,7 +178,8 @@ class Replay {
       }
     }
     // A guarantee must be updated at every tick, so no ticks are skipped.
-    if (settled_.writes_states() || estimation_.guarantee || !estimation_.estimator.coasts()) {
+    if (settled_.writes_states() || estimation_.guarantee || !estimation_.estimator.coasts() ||
+        estimation_.stream) {
       run();
     } else {
       do {
@@ -285,7 +296,10 @@ int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayO
   } catch (const Interrupted&) {
     interrupted = true;
   }
-  Replay run(scene, options, replay);
+  // Events without their input: the record of the scene is the excitation.
+  Scene of_record = scene;
+  if (csv) of_record.stream_duration = 0.0;
+  Replay run(of_record, options, replay);
   bool whole = true;
   try {
     if (csv) {

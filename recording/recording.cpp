@@ -8,6 +8,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/input_codec.h"
 
 namespace sprag {
 namespace {
@@ -52,9 +53,28 @@ std::vector<std::string> RecordedMessages::problems() const {
   return lines;
 }
 
+// Takes the present record if it is on SPRAG_INPUT and somebody takes inputs.
+bool RecordedMessages::take_input() {
+  if (!on_input_ || record_.channel != input_channel) return false;
+  std::span<const std::uint8_t> message(record_.data);
+  if (*key_) {
+    if (!(*key_)->verifies(record_.channel, message)) {
+      ++unauthenticated_;
+      return true;
+    }
+    message = message.first(message.size() - Key::tag_size);
+  }
+  if (decode(message, input_) == Refusal::none) {
+    on_input_(input_);
+  } else {
+    ++refused_;
+  }
+  return true;
+}
+
 bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
   while (log_.next(record_)) {
-    if (record_.channel != contacts_channel) continue;
+    if (take_input() || record_.channel != contacts_channel) continue;
     std::span<const std::uint8_t> message(record_.data);
     if (*key_) {
       if (!(*key_)->verifies(record_.channel, message)) {

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "lcmtypes/channel_log.h"
@@ -11,6 +13,7 @@
 #include "recording/arrival.h"
 #include "sprag/contact_clock.h"
 #include "sprag/detail/events/contact_message.h"
+#include "sprag/detail/events/input_message.h"
 
 namespace sprag {
 
@@ -26,8 +29,10 @@ class RecordedMessages {
   RecordedMessages(InputFile file, int contacts, const ContactClock& clock,
                    const std::optional<Key>& key);
 
-  /// Reads the next message and its arrival; false at the end of the log.
+  /// Reads the next message and its arrival; false at the end of the log. Calls on_input for each
+  /// valid message on SPRAG_INPUT before it.
   bool next(ContactMessage& report, Arrival& arrival);
+  void on_input(std::function<void(const InputMessage&)> take) { on_input_ = std::move(take); }
 
   std::int64_t refused() const { return refused_; }
   std::int64_t unauthenticated() const { return unauthenticated_; }
@@ -46,6 +51,10 @@ class RecordedMessages {
   const std::optional<Key>* key_;
   ChannelRecord record_;
   std::int64_t now_ = 0;  // ns
+  bool take_input();
+
+  std::function<void(const InputMessage&)> on_input_;
+  InputMessage input_;
   std::int64_t refused_ = 0;
   std::int64_t unauthenticated_ = 0;
 };

@@ -105,6 +105,60 @@ SampledInput::SampledInput(std::span<const double> t, std::span<const double> va
   extend();
 }
 
+SampledInput SampledInput::streamed(const SampledInput& record, std::size_t most) {
+  const auto samples = static_cast<double>(record.sample_times().size());
+  const double spacing =
+      (record.sample_times().back() - record.sample_times().front()) / (samples - 1.0);
+  if (record.settings_.displacement || most < 2) {
+    throw std::invalid_argument("a streamed input has at least two samples of an acceleration");
+  }
+  SampledInput input;
+  input.settings_ = record.settings_;
+  input.settings_.interpolation = Interpolation::linear;
+  input.settings_.outside = Outside::hold;
+  input.samples_ = std::make_shared<const Samples>();
+  input.spacing_ = spacing;
+  input.even_ = true;
+  input.largest_ = record.largest_;
+  input.rms_ = record.rms_;
+  input.interpolation_error_ = record.interpolation_error_;
+  input.most_ = most;
+  input.knots_.reserve(most);
+  input.pieces_.reserve(most);
+  input.clear();
+  return input;
+}
+
+void SampledInput::clear() {
+  first_ = 0.0;
+  knots_.assign(1, 0.0);
+  pieces_.assign(1, {});
+  appended_ = 0;
+  squares_ = 0.0;
+  e_ = velocity_ = 0.0L;
+}
+
+bool SampledInput::append(double t, double value) {
+  value *= settings_.gain;
+  if (appended_ == 0) {
+    first_ = knots_[0] = t + settings_.delay;
+    pieces_[0] = {0.0, 0.0, value, 0.0, 0.0, 0.0};
+  } else {
+    if (appended_ == most_) return false;
+    InputDerivatives& last = pieces_.back();
+    const double h = spacing_;
+    last[3] = (value - last[2]) / h;
+    e_ += velocity_ * h + static_cast<Wide>(h) * h * (last[2] / 2.0L + h * (last[3] / 6.0L));
+    velocity_ += h * (last[2] + h * (last[3] / 2.0L));
+    knots_.push_back(std::fma(static_cast<double>(appended_), spacing_, first_));
+    pieces_.push_back(
+        {static_cast<double>(e_), static_cast<double>(velocity_), value, 0.0, 0.0, 0.0});
+  }
+  ++appended_;
+  squares_ += value * value;
+  return true;
+}
+
 void SampledInput::set_knots(std::span<const double> t) {
   const std::size_t n = t.size();
   knots_.assign(t.begin(), t.end());

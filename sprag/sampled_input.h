@@ -40,7 +40,8 @@ using InputDerivatives = std::array<double, 6>;
 /// \return the derivatives there.
 InputDerivatives moved_by(const InputDerivatives& at, double tau);
 
-/// \brief A sampled input. It does not change after construction; models share it.
+/// \brief A sampled input. It does not change after construction, unless it is streamed; models
+/// share it.
 class SampledInput {
  public:
   /// \brief How samples become a function of time.
@@ -65,6 +66,39 @@ class SampledInput {
   /// \param settings interpolation.
   /// \throws std::invalid_argument for samples or settings that are not as described.
   SampledInput(std::span<const double> t, std::span<const double> values, Settings settings);
+
+  /// \brief An input whose samples come one after the other. It is linear between them, held after
+  /// the last one, and 0 while there is none.
+  ///
+  /// Interval, gain, delay and noise are those of a record of the same sensor, and so are rms() and
+  /// largest(): they do not follow the samples.
+  /// \param record a record of the sensor, with even samples of an acceleration or a force.
+  /// \param most number of samples for which it reserves memory, >= 2.
+  /// \return the input.
+  /// \throws std::invalid_argument for other arguments.
+  static SampledInput streamed(const SampledInput& record, std::size_t most);
+  /// \brief Whether samples come one after the other.
+  /// \return true after streamed().
+  bool is_streamed() const { return most_ > 0; }
+  /// \brief Forgets all samples. Only for a streamed input; does not allocate.
+  void clear();
+  /// \brief Adds a sample; the first one is at time t, each other one spacing() after the last.
+  /// Only for a streamed input; does not allocate.
+  /// \param t time of the first sample without Settings::delay [s].
+  /// \param value the sample.
+  /// \return false if there is no room.
+  bool append(double t, double value);
+  /// \brief Largest number of samples of a streamed input.
+  /// \return the number given to streamed().
+  std::size_t most_samples() const { return most_; }
+  /// \brief Number of samples of a streamed input.
+  /// \return samples since clear().
+  std::size_t appended() const { return appended_; }
+  /// \brief Root mean square of a over the samples of a streamed input.
+  /// \return the root mean square; 0 without samples.
+  double appended_rms() const {
+    return appended_ > 0 ? std::sqrt(squares_ / static_cast<double>(appended_)) : 0.0;
+  }
 
   /// \brief Settings given at construction.
   /// \return the settings.
@@ -139,6 +173,7 @@ class SampledInput {
   double interpolation_error() const { return interpolation_error_; }
 
  private:
+  SampledInput() = default;
   void set_knots(std::span<const double> t);
   void interpolate(std::span<const double> values);
   void integrate();
@@ -157,6 +192,10 @@ class SampledInput {
   bool even_ = false;
   InputDerivatives largest_{};
   double rms_ = 0.0, interpolation_error_ = 0.0;
+  // Of a streamed input.
+  std::size_t most_ = 0, appended_ = 0;
+  double squares_ = 0.0;                    // sum over the samples
+  long double e_ = 0.0L, velocity_ = 0.0L;  // at the last knot
 };
 
 /// \brief Shared constant input; null: none.

@@ -1,5 +1,7 @@
 #include "sprag/scene.h"
 
+#include <cmath>
+
 namespace sprag {
 
 Force frame_force(const Eigen::MatrixXd& M, const ShakenFrame& frame) {
@@ -10,6 +12,22 @@ Harmonic ground_motion(const Eigen::VectorXd& w, const ShakenFrame& frame) {
   Harmonic motion = frame.motion;
   motion.amplitude *= w.dot(frame.influence);
   return motion;
+}
+
+Scene with_stream(const Scene& scene, std::shared_ptr<SampledInput>& input) {
+  Scene streamed = scene;
+  streamed.stream_duration = 0.0;
+  for (Force& force : streamed.model.forces) {
+    if (!force.input) continue;
+    if (!input) {
+      const double samples = std::ceil(scene.stream_duration / force.input->spacing());
+      input = std::make_shared<SampledInput>(
+          SampledInput::streamed(*force.input, static_cast<std::size_t>(samples) + 2));
+    }
+    force.input = input;
+  }
+  if (streamed.frame && streamed.frame->input) streamed.frame->input = input;
+  return streamed;
 }
 
 }  // namespace sprag

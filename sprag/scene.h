@@ -104,9 +104,18 @@ struct Scene {
   /// \brief Set if a [system] has the key `modes`: the coordinates of the model are then those of
   /// KeptModes. Copies of the scene share it.
   std::shared_ptr<const KeptModes> kept = {};
+  /// \brief Longest run in which an observer receives the excitation's samples while it runs,
+  /// instead of reading its record [s]; 0: it reads the record.
+  double stream_duration = 0.0;
   Prior prior;                       ///< knowledge of the observer
   Truth truth;                       ///< start of the master
   std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each
 };
+
+/// \brief The scene with a streamed input in place of the record of its excitation.
+/// \param scene a scene with stream_duration > 0.
+/// \param input receives the streamed input, which has no sample yet.
+/// \return the scene; its stream_duration is 0.
+Scene with_stream(const Scene& scene, std::shared_ptr<SampledInput>& input);
 
 }  // namespace sprag

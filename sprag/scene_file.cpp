@@ -156,9 +156,9 @@ std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, 
   if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
   const Beam beam = read_beam_table(table);
   const auto frame =
-      root.table("excitation",
-                 {"amplitude", "frequency", "phase", "file", "time", "acceleration", "displacement",
-                  "quantity", "unit", "interpolation", "outside", "uncertainty", "gain", "delay"});
+      root.table("excitation", {"amplitude", "frequency", "phase", "file", "time", "acceleration",
+                                "displacement", "quantity", "unit", "interpolation", "outside",
+                                "uncertainty", "gain", "delay", "stream", "stream_duration"});
   const FrameMotion excitation = frame ? read_frame_motion(*frame) : FrameMotion{};
   scene.beam = beam;
   scene.model = beam_model(beam, excitation.harmonic);
@@ -212,10 +212,10 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
 }
 
 void read_system_frame(const TomlTable& root, Scene& scene) {
-  const auto table =
-      root.table("excitation", {"influence", "amplitude", "frequency", "phase", "file", "time",
-                                "acceleration", "displacement", "quantity", "unit", "interpolation",
-                                "outside", "uncertainty", "gain", "delay"});
+  const auto table = root.table(
+      "excitation", {"influence", "amplitude", "frequency", "phase", "file", "time", "acceleration",
+                     "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty",
+                     "gain", "delay", "stream", "stream_duration"});
   if (!table) return;
   Model& model = scene.model;
   Eigen::VectorXd influence = one_or_each(*table, "influence", model.coordinates());
@@ -680,6 +680,9 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   for (const char* key : {"adapt", "parameters"}) {
     if (!root.has(key) || !has_sampled_inputs(scene.model)) continue;
     root.fail(key, "is not supported with a recorded input (the key `file`); must go");
+  }
+  if (const auto excitation = root.open_table("excitation")) {
+    scene.stream_duration = read_stream(*excitation, scene);
   }
   read_adaptation(root, scene);
   scene.prior.parameters = read_parameters(root, scene);

@@ -2,11 +2,12 @@
 // duplicates, delays and reorders them by a seeded plan.
 //
 //   relay IN_PORT OUT_PORT [--seed N] [--loss P] [--double P] [--reorder P] [--delay MS]
-//         [--outages N] [--outage S] [--every S]
+//         [--outages N] [--outage S] [--every S] [--only CHANNEL]
 //
 // P: share of the packets. --delay: up to as many ms, drawn for each packet. --reorder: these
 // packets wait another 5 to 50 ms. --outages: number of outages of --outage seconds each; --every:
-// their distance in seconds, from the first packet on. Ends at SIGTERM and prints its counts.
+// their distance in seconds, from the first packet on. --only: the plan holds for packets of this
+// channel; others pass. Ends at SIGTERM and prints its counts.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -40,6 +41,7 @@ struct Plan {
   double delay = 0.0;  // ms
   int outages = 0;
   double outage = 0.5, every = 1.5;  // s
+  std::string only;                  // channel; empty: all
 };
 
 struct Waiting {
@@ -104,6 +106,12 @@ class Relay {
     const auto now = Clock::now();
     if (!start_) start_ = now;
     ++taken_;
+    // A packet has the channel's name after its magic number and sequence number.
+    if (!plan_.only.empty() &&
+        bytes.compare(8, plan_.only.size() + 1, plan_.only.c_str(), plan_.only.size() + 1) != 0) {
+      send(bytes);
+      return;
+    }
     const bool lost = random_.chance(plan_.loss);
     const bool twice = random_.chance(plan_.doubling);
     if (in_outage(Seconds(now - *start_).count())) {
@@ -169,6 +177,7 @@ int main(int argc, char** argv) {
   app.add_option("--outages", plan.outages);
   app.add_option("--outage", plan.outage);
   app.add_option("--every", plan.every);
+  app.add_option("--only", plan.only);
   CLI11_PARSE(app, argc, argv);
   std::signal(SIGTERM, [](int) { stop = true; });
   Relay relay(in, out, plan);

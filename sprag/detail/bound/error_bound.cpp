@@ -265,7 +265,7 @@ namespace {
 
 bool has_noisy_inputs(const Model& model) {
   return std::any_of(model.forces.begin(), model.forces.end(), [](const Force& force) {
-    return force.input && force.input->settings().noise > 0.0;
+    return force.input && (force.input->noise() > 0.0 || force.input->is_streamed());
   });
 }
 

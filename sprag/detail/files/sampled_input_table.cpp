@@ -178,4 +178,34 @@ void check_ground_supports(const TomlTable& excitation, const Model& model) {
                                 "record the displacement, or mount the contact on the frame");
 }
 
+double read_stream(const TomlTable& excitation, const Scene& scene) {
+  constexpr double usual = 600.0;
+  const bool stream = excitation.boolean_or("stream", false);
+  const double duration = excitation.number_or("stream_duration", usual, positive);
+  if (!stream) {
+    if (excitation.has("stream_duration")) {
+      excitation.fail("stream_duration", "is for a streamed input; needs stream = true");
+    }
+    return 0.0;
+  }
+  const auto refuse = [&](const std::string& what) { excitation.fail("stream", what); };
+  if (!excitation.has("file")) {
+    refuse("needs a record of the sensor, for its interval and its size; needs the key file");
+  }
+  const std::vector<Force>& forces = scene.model.forces;
+  const auto recorded = [](const Force& force) { return force.input != nullptr; };
+  if (std::count_if(forces.begin(), forces.end(), recorded) != 1) {
+    refuse("needs a scene without other recorded inputs");
+  }
+  const SampledInput& input = *std::find_if(forces.begin(), forces.end(), recorded)->input;
+  const bool on_ground =
+      std::any_of(scene.model.contacts.begin(), scene.model.contacts.end(),
+                  [](const Contact& contact) { return contact.input != nullptr; });
+  if (input.settings().displacement || on_ground) {
+    refuse("is for an acceleration, with contacts on the frame (mount = \"frame\")");
+  }
+  if (scene.prior.tolerance.any()) refuse("excludes [tolerance]: no bound holds");
+  return duration;
+}
+
 }  // namespace sprag

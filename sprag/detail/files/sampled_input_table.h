@@ -4,7 +4,7 @@
 #pragma once
 
 #include "sprag/detail/files/toml_reader.h"
-#include "sprag/model.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 
@@ -22,5 +22,9 @@ SampledInputPointer read_force_input(const TomlTable& table);
 /// Supports on the ground under a recorded acceleration: adds a remark about their drift. Throws
 /// SceneError if the samples have an uncertainty.
 void check_ground_supports(const TomlTable& excitation, const Model& model);
+
+/// Scene::stream_duration by the keys stream and stream_duration. Throws SceneError if the scene's
+/// inputs cannot be streamed.
+double read_stream(const TomlTable& excitation, const Scene& scene);
 
 }  // namespace sprag

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <span>
@@ -71,6 +72,12 @@ class TimeLine {
     }
   }
 
+  /// Starts at the first tick after the message's horizon.
+  void restart_after(const ContactMessage& message) {
+    restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
+            message.horizon);
+  }
+
   /// Takes the new records of a message, and rolls back if they are older than now; run()
   /// integrates again. After a long gap with lost records it restarts at the first tick after the
   /// message's horizon and returns true.
@@ -102,6 +109,19 @@ class TimeLine {
   void receive(const ContactEvent& event) {
     const std::size_t known = events_.events().size();
     if (events_.add(event)) go_back(known);
+  }
+
+  /// The streamed input is known before t; -1: no sample is known. Ticks settle before t only.
+  /// Ticks from `from` on [s] were computed without it, and are computed again.
+  void receive_input(double from, double t) {
+    input_horizon_ = t;
+    if (!started_) return;
+    const std::int64_t last = from > 0.0 ? first_tick_after(from, h()) - 1 : -1;
+    if (last < first_) {
+      start_again();
+    } else if (std::max(last, handed_out_) < now_) {
+      redo_after(std::max(last, handed_out_));
+    }
   }
 
   /// Every event up to t is known.
@@ -223,22 +243,20 @@ class TimeLine {
 
   // Last tick up to which every event is known.
   std::int64_t received_tick() const {
-    if (events_.horizon() < 0.0) return first_ - 1;
-    return std::max(last_tick(events_.horizon(), h()), first_ - 1);
+    if (events_.horizon() < 0.0 || input_horizon_ < 0.0) return first_ - 1;
+    // The last tick before the input's horizon.
+    const std::int64_t before_input =
+        std::isinf(input_horizon_) ? max_tick : first_tick_after(input_horizon_, h()) - 1;
+    return std::max(std::min(last_tick(events_.horizon(), h()), before_input), first_ - 1);
   }
   // The same with `lag_`.
   std::int64_t known_tick() const {
     const std::int64_t received = received_tick();
     if (lag_ == 0.0 || received >= last_asked_ || received < first_) return received;
-    const double waited = events_.horizon() - lag_;
+    const double waited = std::min(events_.horizon(), input_horizon_) - lag_;
     return waited < 0.0 ? first_ - 1 : std::max(last_tick(waited, h()), first_ - 1);
   }
   bool is_far(double horizon) const { return last_tick(horizon, h()) - received_tick() > far; }
-
-  void restart_after(const ContactMessage& message) {
-    restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
-            message.horizon);
-  }
 
   EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }
   const EstimatorState& saved(std::int64_t k) const { return saved_[slot(k)]; }
@@ -369,6 +387,7 @@ class TimeLine {
   std::int64_t handed_out_ = -1;
   std::int64_t hold_ = no_hold;
   double lag_ = 0.0;  // [s]
+  double input_horizon_ = std::numeric_limits<double>::infinity();
   std::int64_t last_asked_ = max_tick;
   std::size_t consumed_ = 0;  // number of events up to and including tick now_
   double next_t_ = -1.0;      // time and tick of the next event, cached

@@ -38,6 +38,8 @@ class Dynamics {
     return offsets_;
   }  ///< c_i and constant motion, m entries
   const SampledInputs& inputs() const { return inputs_; }
+  /// Takes new samples of a streamed input. Does not allocate.
+  void follow_input() { inputs_.follow(); }
   const Eigen::MatrixXd& W() const { return W_; }          ///< f x m
   const Eigen::MatrixXd& MinvW() const { return MinvW_; }  ///< f x m
   const Eigen::MatrixXd& G() const { return G_; }          ///< m x m

@@ -817,6 +817,8 @@ bool EventSearch::pass(std::size_t to) {
 // may jump at the last knot, so that an expansion ends there.
 bool EventSearch::march() {
   constexpr int tests_between_looks = 64;
+  // A march's bounds would depend on samples after the present time, which may not be known yet.
+  if (sampled_->inputs().streamed()) return false;
   const std::size_t last = sampled_->inputs().knots() - 2;
   if (!at_knot_ || !(certified_ > 0.0) || interval_ >= last || states_.empty()) return false;
   if (!(time_of_knot(interval_ + 1) <= march_end_) && !begin_march()) return false;

@@ -84,6 +84,10 @@ class Flow {
   const Drives& drives() const { return drives_; }
   /// The modes' response to sampled inputs; null: the model has none.
   const SampledResponse* sampled() const { return sampled_.get(); }
+  /// Takes new samples of a streamed input. Does not allocate.
+  void follow_input() {
+    if (sampled_) sampled_->follow();
+  }
   /// Whether some alpha is not zero with all held gaps zero, that is, a constant force acts.
   bool pushed() const { return (alpha0_ != 0.0).any(); }
 
@@ -180,7 +184,7 @@ class Flow {
   Eigen::MatrixXd static_shapes_;  // f x L: each opens one contact of L by 1 and no other
 
   std::vector<Signal> gap_, gap_velocity_, force_;
-  std::unique_ptr<const SampledResponse> sampled_;
+  std::unique_ptr<SampledResponse> sampled_;
 };
 
 /// Value of a signal, and its first two time derivatives, at a point of the motion's flow.

@@ -242,7 +242,7 @@ void Flow::Builder::add_sampled(const MatrixR& q_chain, const MatrixR& v_chain,
   set_chain(q_chain.cast<double>(), q);
   set_chain(u_chain.cast<double>(), u);
   flow_.sampled_ =
-      std::make_unique<const SampledResponse>(inputs, delta, kappa, forces.cast<double>(), nh_, y);
+      std::make_unique<SampledResponse>(inputs, delta, kappa, forces.cast<double>(), nh_, y);
 }
 
 Flow::Forced Flow::Builder::forced(const MatrixR& push, const MatrixCR& harmonics) const {

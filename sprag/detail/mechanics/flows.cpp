@@ -19,7 +19,7 @@ constexpr std::size_t most_flows = flow_slots / 4 * 3;
 
 struct Flows::Entry {
   ContactSet locked;
-  std::unique_ptr<const Flow> flow;
+  std::unique_ptr<Flow> flow;
   std::string why_not;
 };
 
@@ -57,12 +57,19 @@ void Flows::build(ContactSet locked) const {
   if (built(locked) || entries_.size() >= most_flows) return;
   Entry entry{locked, nullptr, {}};
   try {
-    entry.flow = std::make_unique<const Flow>(dynamics_, locked);
+    entry.flow = std::make_unique<Flow>(dynamics_, locked);
   } catch (const ModelError& error) {
     entry.why_not = error.what();
   }
-  entries_.push_back(std::make_unique<const Entry>(std::move(entry)));
+  entries_.push_back(std::make_unique<Entry>(std::move(entry)));
   slot(locked).store(entries_.back().get(), std::memory_order_release);
+}
+
+void Flows::follow_input() {
+  dynamics_.follow_input();
+  for (const std::unique_ptr<Entry>& entry : entries_) {
+    if (entry->flow) entry->flow->follow_input();
+  }
 }
 
 const Flow* Flows::find(ContactSet locked) const {

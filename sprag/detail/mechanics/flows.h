@@ -26,6 +26,9 @@ class Flows {
   ~Flows();
 
   const Dynamics& dynamics() const { return dynamics_; }
+  /// Takes new samples of a streamed input. Does not allocate. Not while another thread uses or
+  /// builds flows.
+  void follow_input();
   /// Throws ModelError as the constructor of Flow does.
   const Flow& operator[](ContactSet locked) const;
   /// Null where the constructor of Flow throws. Neither allocates nor throws if the flow has been
@@ -51,7 +54,7 @@ class Flows {
   Dynamics dynamics_;
   // Open addressing; entries are added, never moved or removed.
   mutable std::vector<std::atomic<const Entry*>> slots_;
-  mutable std::vector<std::unique_ptr<const Entry>> entries_;
+  mutable std::vector<std::unique_ptr<Entry>> entries_;
   std::function<void(ContactSet)> missing_;
 };
 

@@ -74,6 +74,20 @@ SampledInputs::SampledInputs(const Model& model) {
                      " coordinates; the product must be at most " +
                      std::to_string(most_sampled_values));
   }
+  streamed_ = std::any_of(channels_.begin(), channels_.end(),
+                          [](const SampledInputPointer& input) { return input->is_streamed(); });
+  if (streamed_ && channels_.size() > 1) {
+    throw ModelError("a streamed input must be the only sampled input of a machine");
+  }
+  if (streamed_) {
+    if (most_knots() * to_size(model.coordinates()) > most_sampled_values) {
+      throw ModelError("the streamed input has up to " + std::to_string(most_knots()) +
+                       " samples for " + std::to_string(model.coordinates()) +
+                       " coordinates; the product must be at most " +
+                       std::to_string(most_sampled_values));
+    }
+    knots_.reserve(most_knots());
+  }
   if (alike) {
     step_ = channels_.front()->even() ? channels_.front()->spacing() : 0.0;
     return;
@@ -81,6 +95,14 @@ SampledInputs::SampledInputs(const Model& model) {
   for (const double t : knots_) {
     for (const SampledInputPointer& input : channels_) own_.push_back(input->interval(t));
   }
+}
+
+std::size_t SampledInputs::most_knots() const { return channels_.front()->most_samples(); }
+
+void SampledInputs::follow() {
+  const std::vector<double>& knots = channels_.front()->knots();
+  if (knots.size() < knots_.size() || knots.front() != knots_.front()) knots_.clear();
+  for (std::size_t k = knots_.size(); k < knots.size(); ++k) knots_.push_back(knots[k]);
 }
 
 double SampledInputs::length(std::size_t k) const {
@@ -140,8 +162,12 @@ SampledResponse::SampledResponse(const SampledInputs& inputs, const Eigen::Vecto
       forces_(forces.transpose()),
       row_(2 * to_size(delta.size())),
       bound_row_(2 * to_size(delta.size()) + to_size(chain_terms * inputs.channels())) {
+  steps_.resize(to_size(modes()));
+  rows_.reserve((inputs.streamed() ? inputs.most_knots() : inputs.knots()) * row_);
+  begin_table();
   tabulate();
-  bound();
+  // A bound over many intervals would depend on samples that are not known yet.
+  if (!inputs.streamed()) bound();
 }
 
 PolynomialForce SampledResponse::force(Eigen::Index i, const double* derivatives) const {
@@ -172,27 +198,37 @@ PolynomialForce SampledResponse::force(Eigen::Index i, const OscillatorState& x)
 void SampledResponse::tabulate() {
   const SampledInputs& inputs = *inputs_;
   const std::size_t n = inputs.knots();
-  rows_.assign(n * row_, 0.0);
+  rows_.resize(n * row_, 0.0);
   AllDerivatives d;
-  std::vector<PolynomialStep> steps(to_size(modes()));
-  double length_of_steps = -1.0;
-  std::vector<long double> y(to_size(modes()), 0.0L), v(to_size(modes()), 0.0L);
-  for (std::size_t k = 0; k + 1 < n; ++k) {
+  for (std::size_t k = tabulated_ - 1; k + 1 < n; ++k) {
     const double h = inputs.length(k);
-    if (h != length_of_steps) {
+    if (h != length_of_steps_) {
       for (Eigen::Index i = 0; i < modes(); ++i) {
-        steps[to_size(i)] = polynomial_step(delta_[i], kappa_[i], h);
+        steps_[to_size(i)] = polynomial_step(delta_[i], kappa_[i], h);
       }
-      length_of_steps = h;
+      length_of_steps_ = h;
     }
     inputs.derivatives(k, 0.0, d.data());
     double* row = rows_.data() + (k + 1) * row_;
     for (Eigen::Index i = 0; i < modes(); ++i) {
-      steps[to_size(i)].apply(force(i, d.data()), y[to_size(i)], v[to_size(i)]);
-      row[i] = static_cast<double>(y[to_size(i)]);
-      row[modes() + i] = static_cast<double>(v[to_size(i)]);
+      steps_[to_size(i)].apply(force(i, d.data()), y_[to_size(i)], v_[to_size(i)]);
+      row[i] = static_cast<double>(y_[to_size(i)]);
+      row[modes() + i] = static_cast<double>(v_[to_size(i)]);
     }
   }
+  tabulated_ = n;
+}
+
+void SampledResponse::begin_table() {
+  rows_.assign(row_, 0.0);
+  y_.assign(to_size(modes()), 0.0L);
+  v_.assign(to_size(modes()), 0.0L);
+  tabulated_ = 1;
+}
+
+void SampledResponse::follow() {
+  if (inputs_->knots() < tabulated_ || inputs_->knots() == 1) begin_table();
+  tabulate();
 }
 
 // Derivative w = y'' obeys the oscillator's equation under F''. sqrt(w'^2 + kappa w^2) grows at

@@ -43,6 +43,13 @@ class SampledInputs {
   /// s(t) += motions() e(t), m x channels.
   const Eigen::MatrixXd& motions() const { return motions_; }
 
+  /// Whether the input is streamed: it is the only one then.
+  bool streamed() const { return streamed_; }
+  /// Number of knots for which a streamed input reserves memory.
+  std::size_t most_knots() const;
+  /// Takes new samples of a streamed input, or their removal. Does not allocate.
+  void follow();
+
   std::size_t knots() const { return knots_.size(); }
   double knot(std::size_t k) const { return knots_[k]; }
   /// Length of interval k; infinity for the last.
@@ -66,6 +73,7 @@ class SampledInputs {
   // Per knot and channel: the channel's own interval; empty if all channels have the same knots.
   std::vector<std::size_t> own_;
   double step_ = 0.0;
+  bool streamed_ = false;
 };
 
 /// The response of the modes of one flow.
@@ -77,6 +85,9 @@ class SampledResponse {
   SampledResponse(const SampledInputs& inputs, const Eigen::VectorXd& delta,
                   const Eigen::VectorXd& kappa, const Eigen::MatrixXd& forces, Eigen::Index first,
                   Eigen::Index first_mode);
+
+  /// Takes new samples of a streamed input, or their removal. Does not allocate.
+  void follow();
 
   const SampledInputs& inputs() const { return *inputs_; }
   Eigen::Index modes() const { return delta_.size(); }
@@ -111,6 +122,7 @@ class SampledResponse {
 
  private:
   PolynomialForce force(Eigen::Index i, const double* derivatives) const;
+  void begin_table();
   void tabulate();
   void bound();
 
@@ -119,6 +131,10 @@ class SampledResponse {
   Eigen::VectorXd delta_, kappa_;
   Eigen::MatrixXd forces_;  // chain_terms channels x modes: a column is contiguous
   std::size_t row_ = 0, bound_row_ = 0;
+  std::size_t tabulated_ = 0;          // knots in rows_
+  std::vector<long double> y_, v_;     // at the last of them, modes() entries
+  std::vector<PolynomialStep> steps_;  // of the modes, over length_of_steps_
+  double length_of_steps_ = -1.0;
   std::vector<double> rows_;    // knot-major: y, y'
   std::vector<double> bounds_;  // block-major
 };

@@ -1,0 +1,153 @@
+// A streamed excitation: master and observer with a bad network between them, for both channels
+// and for each alone, against the replay of a log that has every message.
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <iostream>
+
+#include "tests/end_to_end/fixture.h"
+
+namespace sprag::test {
+namespace {
+
+class InputStreamTest : public EndToEnd {
+ protected:
+  /// The swept beam with a streamed excitation and these further lines in [excitation]. The stop
+  /// holds the beam at times, so that clutches lock under the input.
+  std::string streamed_scene(const std::string& lines = {}) {
+    std::string text = read_text(scene("swept_beam"));
+    const auto replace = [&](const std::string& what, const std::string& by) {
+      const std::size_t at = text.find(what);
+      ASSERT_NE(at, std::string::npos) << what;
+      text.replace(at, what.size(), by);
+    };
+    replace("\"records/swept_base.csv\"", "\"" SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv\"");
+    replace("interpolation = \"spline\"",
+            "interpolation = \"linear\"\noutside = \"hold\"\nstream = true\n" + lines);
+    return write_text(file("streamed.toml"), text);
+  }
+
+  Process& start_relay(std::uint16_t near, std::uint16_t far, const Arguments& plan) {
+    Process& relay =
+        start_command(Arguments{RELAY, std::to_string(near), std::to_string(far)} + plan);
+    EXPECT_TRUE(in_time([&] { return relay.err().find("listening") != std::string::npos; }));
+    return relay;
+  }
+};
+
+struct Trouble {
+  const char* name;
+  Arguments plan;
+};
+
+void PrintTo(const Trouble& trouble, std::ostream* out) { *out << trouble.name; }
+
+class StreamTroubleTest : public InputStreamTest, public testing::WithParamInterface<Trouble> {};
+
+TEST_P(StreamTroubleTest, SettledTicksEqualTheReplayBitForBit) {
+  const std::string machine = streamed_scene();
+  const std::uint16_t near = free_port(), far = free_port();
+  Process& relay = start_relay(near, far, GetParam().plan);
+  set_url(udp_url(far));
+  Process& observer =
+      start_listening("observer", {machine, "--duration", "6", "--tick", "0.005", "--states",
+                                   file("live.csv"), "--report", file("o.json")});
+  set_url(udp_url(near));
+  Process& recorder = start_recorder(file("run.lcmlog"), "SPRAG_.*");
+  Process& master = start_master({machine, "--duration", "6", "--tick", "0.005", "--publish-input",
+                                  "--events", file("events.csv"), "--states", file("truth.csv")});
+  EXPECT_EQ(end_of(master).code, 0);
+  EXPECT_EQ(end_of(observer).code, 0);
+  end_recorder(recorder);
+  relay.signal(SIGTERM);
+  std::cout << end_of(relay).err;
+
+  const std::string live = text("live.csv");
+  EXPECT_EQ(count_rows(file("live.csv")), 1201U);
+  const std::string offline =
+      read_text(replay(machine, file("run.lcmlog"), {"--tick", "0.005", "--duration", "6"}));
+  EXPECT_TRUE(live == offline) << "live differs from the replay of the recording";
+  const nlohmann::json report = json("o.json");
+  EXPECT_EQ(report["input"]["gaps"], 0);
+  EXPECT_GE(report["input"]["samples"], 3000);
+  EXPECT_EQ(report["degraded"].size(), 0U);
+  EXPECT_EQ(report["unsettled_ticks"], 0);
+  // The estimate is the machine's state.
+  const auto estimate = read_states_file(file("live.csv"));
+  const auto truth = read_states_file(file("truth.csv"));
+  ASSERT_EQ(estimate.size(), truth.size());
+  EXPECT_NEAR(estimate.back().values[0], truth.back().values[0],
+              1e-6 * std::max(1e-3, std::abs(truth.back().values[0])));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Plans, StreamTroubleTest,
+    testing::Values(Trouble{"none", {"--seed", "21"}},
+                    Trouble{"both",
+                            {"--seed", "22", "--loss", "0.3", "--double", "0.2", "--reorder",
+                             "0.25", "--delay", "50"}},
+                    Trouble{"input",
+                            {"--seed", "23", "--loss", "0.3", "--double", "0.2", "--reorder",
+                             "0.25", "--delay", "50", "--only", "SPRAG_INPUT"}},
+                    Trouble{"contacts",
+                            {"--seed", "24", "--loss", "0.3", "--double", "0.2", "--reorder",
+                             "0.25", "--delay", "50", "--only", "SPRAG_CONTACTS"}}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+// The record of the scene and its stream are the same input.
+TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
+  const std::string machine = streamed_scene();
+  Process& recorder = start_recorder(file("run.lcmlog"), "SPRAG_.*");
+  Process& master = start_master({machine, "--duration", "6", "--speed", "max", "--publish-input",
+                                  "--no-truth", "--events", file("events.csv")});
+  EXPECT_EQ(end_of(master).code, 0);
+  end_recorder(recorder);
+  const Arguments how{"--tick", "0.005", "--duration", "6"};
+  const auto streamed = read_states_file(replay(machine, file("run.lcmlog"), how));
+  const auto recorded = read_states_file(replay(machine, file("events.csv"), how));
+  ASSERT_EQ(streamed.size(), 1201U);
+  ASSERT_EQ(recorded.size(), 1201U);
+  for (std::size_t k = 0; k < streamed.size(); ++k) {
+    for (std::size_t i = 0; i < streamed[k].values.size(); ++i) {
+      const double scale = i < 4 ? 1e-3 : 1.0;
+      ASSERT_NEAR(streamed[k].values[i], recorded[k].values[i], 1e-7 * scale) << "k " << k;
+    }
+  }
+}
+
+// Without the input nothing settles, the observer says so, and sigma grows.
+TEST_F(InputStreamTest, AMissingInputIsReported) {
+  const std::string machine = streamed_scene();
+  Process& observer =
+      start_listening("observer", {machine, "--duration", "6", "--tick", "0.005", "--states",
+                                   file("live.csv"), "--report", file("o.json")});
+  Process& master = start_master({machine, "--duration", "4", "--no-truth"});
+  EXPECT_TRUE(in_time([&] {
+    return observer.err().find("no sample of the excitation for 1 s") != std::string::npos;
+  })) << observer.err();
+  EXPECT_EQ(end_of(master).code, 0);
+  observer.signal(SIGTERM);
+  const Ended ended = end_of(observer);
+  EXPECT_NE(ended.err.find("no sample on SPRAG_INPUT: nothing settles"), std::string::npos)
+      << ended.err;
+  EXPECT_EQ(count_rows(file("live.csv")), 0U);
+  EXPECT_TRUE(json("o.json")["input"]["newest"].is_null());
+}
+
+TEST_F(InputStreamTest, WhatAStreamExcludes) {
+  const std::string machine = streamed_scene();
+  for (const Arguments& more : {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
+                                Arguments{"--impacts", file("i.csv")}}) {
+    const Ended ended = run("observer", Arguments{machine, "--duration", "1"} + more);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_NE(ended.err.find(more[0] + (more[0] == "--stepper" ? " moreau" : "")),
+              std::string::npos)
+        << ended.err;
+  }
+  const Ended none = run("master_sim", {scene("paper_beam"), "--publish-input", "--duration", "1"});
+  EXPECT_EQ(none.code, 2);
+  EXPECT_NE(none.err.find("--publish-input: paper_beam must have a recorded"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace sprag::test
