@@ -175,12 +175,16 @@ struct TooFewImpacts : Error {
 /// \brief Identifies parameters of a machine.
 ///
 /// A parameter of the contact clock that the events cannot determine by the structure of the
-/// machine (clock_ambiguity.h) is held at its nominal value and reported as not determined. \param
-/// scene machine with nominal values. \param events in order of time, the machine's time by the
-/// nominal clock; contacts from 0. \param settings parameters, jitter and gaps. \param stop token
-/// by which another thread or a signal handler cancels the computation. \return values, deviations
-/// and the verdict. \throws TooFewImpacts if the recording has too few impacts. \throws ModelError
-/// if M is not positive definite. \throws Interrupted if `stop` was requested.
+/// machine (clock_ambiguity.h) is held at its nominal value and reported as not determined.
+///
+/// \param scene machine with nominal values.
+/// \param events in order of time, the machine's time by the nominal clock; contacts from 0.
+/// \param settings parameters, jitter and gaps.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return values, deviations and the verdict.
+/// \throws TooFewImpacts if the recording has too few impacts.
+/// \throws ModelError if M is not positive definite.
+/// \throws Interrupted if `stop` was requested.
 Identification identify(const Scene& scene, std::span<const ContactEvent> events,
                         const IdentificationSettings& settings, std::stop_token stop = {});
 

@@ -44,7 +44,8 @@ std::vector<ImpactRecord> impacts(const Scene& scene, std::span<const ContactEve
 /// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return the prediction, without events while the filter is not confirmed.
 /// \throws ModelError, std::invalid_argument as Observer does, also for `t` or `ahead` out of
-/// range. \throws Interrupted if `stop` was requested.
+/// range.
+/// \throws Interrupted if `stop` was requested.
 Prediction predict(const Scene& scene, std::span<const ContactEvent> events, double t, double ahead,
                    const ObserverSettings& settings = {}, std::stop_token stop = {});
 

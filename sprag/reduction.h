@@ -86,10 +86,14 @@ struct StaticVectors {
 /// \brief Finds the first modes of a machine, and static vectors of its contacts.
 ///
 /// Damping may couple the modes. The sign of each column is such that its largest entry is
-/// positive. \param model the machine, N coordinates. \param modes number of modes to keep, by
-/// ascending frequency, in [1, N]. \param vectors static vectors to append. A vector that depends
-/// linearly on those before it is omitted. \return the coordinates, f = modes + number of static
-/// vectors. \throws ModelError if a motion without stiffness is omitted and some order is > 0.
+/// positive.
+///
+/// \param model the machine, N coordinates.
+/// \param modes number of modes to keep, by ascending frequency, in [1, N].
+/// \param vectors static vectors to append. A vector that depends linearly on those before it is
+/// omitted.
+/// \return the coordinates, f = modes + number of static vectors.
+/// \throws ModelError if a motion without stiffness is omitted and some order is > 0.
 KeptModes kept_modes(const Model& model, int modes, const StaticVectors& vectors = {});
 
 /// \brief Projects a machine to its kept modes: M = 1, K diagonal, C = Phi^T C Phi.
