@@ -211,15 +211,6 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   return entry;
 }
 
-nlohmann::ordered_json ambiguities_of(const Identification& fit) {
-  auto all = nlohmann::ordered_json::array();
-  for (const ClockAmbiguity& ambiguity : fit.ambiguities) {
-    all.push_back(
-        {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
-  }
-  return all;
-}
-
 // Correlations of the parameters, in their order; null where one of the two is not determined or
 // at a bound.
 nlohmann::ordered_json correlations_of(const Identification& fit) {
@@ -269,6 +260,37 @@ nlohmann::ordered_json residuals_of(const Identification& fit) {
     }
   }
   return {{"t", t}, {"contact", contact}, {"residual", residual}, {"sigma", deviation}};
+}
+
+nlohmann::ordered_json to_json(const std::vector<ClockAmbiguity>& ambiguities) {
+  nlohmann::ordered_json array = nlohmann::ordered_json::array();
+  for (const ClockAmbiguity& ambiguity : ambiguities) {
+    array.push_back(
+        {{"parameter", ambiguity.key}, {"equals", ambiguity.equals}, {"text", to_text(ambiguity)}});
+  }
+  return array;
+}
+
+nlohmann::ordered_json to_json(const std::vector<Explanation>& causes) {
+  nlohmann::ordered_json array = nlohmann::ordered_json::array();
+  for (const Explanation& cause : causes) {
+    nlohmann::ordered_json entry = nlohmann::ordered_json::array();
+    for (const FittedUnknown& fitted : cause.fit.unknowns) entry.push_back(to_json(fitted));
+    array.push_back(std::move(entry));
+  }
+  return array;
+}
+
+void add_repairs(const IdentifyResult& result, nlohmann::ordered_json& object) {
+  object["spurious"] = nlohmann::ordered_json::array();
+  for (const std::size_t i : result.fit.spurious) {
+    object["spurious"].push_back(
+        {{"t", result.events[i].t}, {"contact", result.events[i].contact + 1}});
+  }
+  object["missing"] = nlohmann::ordered_json::array();
+  for (const MissingImpact& missing : result.fit.missing) {
+    object["missing"].push_back({{"t", missing.t}, {"contact", missing.contact + 1}});
+  }
 }
 
 }  // namespace
@@ -407,13 +429,13 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
     }
     object["parameters"].push_back(std::move(entry));
   }
-  object["clock_ambiguities"] = ambiguities_of(fit);
   object["correlations"] = nullptr;
   object["residuals"] = nullptr;
   if (fit.converged()) {
     object["correlations"] = correlations_of(fit);
     object["residuals"] = residuals_of(fit);
   }
+  object["clock_ambiguities"] = to_json(fit.ambiguities);
   object["start"] = nullptr;
   if (fit.fits() || result.accepted)
     object["start"] = {{"t", fit.start_t},
@@ -421,24 +443,11 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
                        {"u", numbers_of(fit.start.u)},
                        {"sigma_q", numbers_of(fit.start_sigma.q)},
                        {"sigma_u", numbers_of(fit.start_sigma.u)}};
-  object["spurious"] = Json::array();
-  for (const std::size_t i : fit.spurious) {
-    object["spurious"].push_back(
-        {{"t", result.events[i].t}, {"contact", result.events[i].contact + 1}});
-  }
-  object["missing"] = Json::array();
-  for (const MissingImpact& missing : fit.missing) {
-    object["missing"].push_back({{"t", missing.t}, {"contact", missing.contact + 1}});
-  }
+  add_repairs(result, object);
   object["others"] = Json::array();
   for (const Eigen::VectorXd& other : fit.others) object["others"].push_back(numbers_of(other));
   if (!result.asked_for_causes) return;
-  object["simplest"] = Json::array();
-  for (const Explanation& cause : result.causes.simplest) {
-    Json entry = Json::array();
-    for (const FittedUnknown& fitted : cause.fit.unknowns) entry.push_back(to_json(fitted));
-    object["simplest"].push_back(std::move(entry));
-  }
+  object["simplest"] = to_json(result.causes.simplest);
 }
 
 }  // namespace sprag

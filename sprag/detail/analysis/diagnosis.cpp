@@ -89,6 +89,12 @@ bool is_the_scale(const Scene& scene, const Unknown& unknown) {
   return carries_scale(unknown) && Projection(family).homogeneous();
 }
 
+std::string rate_ambiguity(const Scene& scene) {
+  const Unknown rate = unknown_of(scene, clock_rate_of(scene));
+  const std::optional<ClockAmbiguity> ambiguity = clock_ambiguity(scene, {rate}, rate);
+  return ambiguity ? to_text(*ambiguity) : std::string();
+}
+
 class Judge {
  public:
   Judge(const Scene& scene, std::span<const ContactEvent> events, double jitter,
@@ -230,12 +236,9 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     std::optional<Identification> fit;
   };
   std::vector<Found> found;
+  diagnosis.rate_ambiguity = rate_ambiguity(scene);
   std::vector<Parameter> parameters = parameters_of(scene, 1.0);
   parameters.push_back(clock_rate_of(scene));
-  const Unknown rate = unknown_of(scene, parameters.back());
-  if (const auto ambiguity = clock_ambiguity(scene, {rate}, rate)) {
-    diagnosis.rate_ambiguity = to_text(*ambiguity);
-  }
   for (const Parameter& parameter : parameters) {
     const Unknown unknown = unknown_of(scene, parameter);
     auto fit = is_the_scale(scene, unknown) ? std::nullopt : judge.fit({unknown});
