@@ -356,13 +356,30 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
   return changed;
 }
 
+// Standard deviations of parameters by key, without correlation.
+ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, double>& sigmas) {
+  require(!has_sampled_inputs(scene.model), "parameters do not support recorded inputs");
+  ParameterUncertainty parameters;
+  const auto P = static_cast<Eigen::Index>(sigmas.size());
+  parameters.sigma.resize(P);
+  for (const auto& [key, sigma] : sigmas) {
+    require(can_be_filtered(unknown_of(scene, key)), key + " cannot be a parameter of a filter");
+    parameters.sigma[std::ssize(parameters.keys)] = required_positive(key.c_str(), sigma);
+    parameters.keys.push_back(key);
+  }
+  parameters.correlation.setIdentity(P, P);
+  parameters.consider.assign(sigmas.size(), false);
+  return parameters;
+}
+
 std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& master,
                                 const std::optional<State>& replica,
                                 const std::optional<NumberOrVector>& uncertainty,
                                 const std::optional<State>& sigma, std::optional<double> drift,
                                 std::optional<double> jitter,
                                 const std::optional<std::string>& name,
-                                const std::optional<Tolerance>& tolerance) {
+                                const std::optional<Tolerance>& tolerance,
+                                const std::optional<std::map<std::string, double>>& parameters) {
   const Eigen::Index f = scene.model.coordinates();
   auto changed = std::make_shared<Scene>(scene);
   Prior& prior = changed->prior;
@@ -393,6 +410,7 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
   if (jitter) prior.jitter = required_not_negative("jitter", *jitter);
   if (name) changed->name = *name;
   if (tolerance) prior.tolerance = *tolerance;
+  if (parameters) prior.parameters = uncertain(scene, *parameters);
   return changed;
 }
 
@@ -587,9 +605,10 @@ void bind_scene(py::module_& module) {
            py::arg("replica") = py::none(), py::arg("uncertainty") = py::none(),
            py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
            py::arg("jitter") = py::none(), py::arg("name") = py::none(),
-           py::arg("tolerance") = py::none(),
+           py::arg("tolerance") = py::none(), py::arg("parameters") = py::none(),
            "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
-           "as of Scene(), uncertainty also as one energy. Raises ValueError.")
+           "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
+           "uncertain parameters, a dict by their keys in scene files. Raises ValueError.")
       .def_property_readonly(
           "kept", [](const Scene& scene) { return scene.kept.get(); },
           py::return_value_policy::reference_internal,
