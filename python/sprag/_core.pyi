@@ -217,6 +217,7 @@ class Scene(metaclass=_Class):
         jitter: float | None = ...,
         name: str | None = ...,
         tolerance: Tolerance | None = ...,
+        parameters: Mapping[str, float] | None = ...,
     ) -> Scene: ...
     @property
     def kept(self) -> KeptModes | None: ...

@@ -175,34 +175,15 @@ py::array flags(const std::vector<std::uint8_t>& of, const py::object& owner) {
                              of.data(), owner));
 }
 
-void bind_identification(py::module_& module) {
+using IdentificationClass = py::class_<PythonIdentification>;
+
+void bind_fitted_values(IdentificationClass& of_fit) {
   using Class = PythonIdentification;
   const auto vector = [](Eigen::VectorXd Class::*member) {
     return
         [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
   };
-  py::class_<Class>(module, "Identification",
-                    "Parameters that contact events determine, P of them, and the verdict. Entry k "
-                    "of each array belongs to keys[k]; it is nan where determined[k] is False.")
-      .def_property_readonly(
-          "fits", [](const Class& of) { return of.fit.fits(); },
-          "Whether the fit is accepted; if not, problem is the reason.")
-      .def_property_readonly(
-          "problem", [](const Class& of) { return name_of(of.fit.problem); },
-          "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
-          "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
-      .def_property_readonly(
-          "misfit", [](const Class& of) { return name_of(of.fit.misfit); },
-          "Evidence that the model is wrong: 'none', 'scatter', 'structured', 'prediction' or "
-          "'start'.")
-      .def_property_readonly(
-          "culprit",
-          [](const Class& of) -> std::optional<std::string> {
-            if (of.fit.culprit < 0) return std::nullopt;
-            return of.keys[static_cast<std::size_t>(of.fit.culprit)];
-          },
-          "Key of the parameter that reached its bound, or None.")
-      .def_readonly("keys", &Class::keys, "Keys of the parameters in the scene file.")
+  of_fit.def_readonly("keys", &Class::keys, "Keys of the parameters in the scene file.")
       .def_property_readonly("values", vector(&Class::values), "Values, P entries.")
       .def_property_readonly("sigmas", vector(&Class::sigmas), "Standard deviations, P entries.")
       .def_property_readonly("low", vector(&Class::low), "Lower ends of the 95 % intervals.")
@@ -241,7 +222,12 @@ void bind_identification(py::module_& module) {
           "each combination that the events determine.")
       .def_property_readonly(
           "others", [](const Class& of) { return of.fit.others; },
-          "Values at other minima that fit as well, P entries each.")
+          "Values at other minima that fit as well, P entries each.");
+}
+
+void bind_fit_figures(IdentificationClass& of_fit) {
+  using Class = PythonIdentification;
+  of_fit
       .def_property_readonly(
           "jitter", [](const Class& of) { return of.fit.jitter; },
           "Standard deviation of event times, as given or as estimated [s].")
@@ -297,6 +283,35 @@ void bind_identification(py::module_& module) {
             return std::make_shared<Scene>(of.fit.fitted);
           },
           "The scene with these values, whose replica starts at start; None without a fit.");
+}
+
+void bind_identification(py::module_& module) {
+  using Class = PythonIdentification;
+  IdentificationClass of_fit(
+      module, "Identification",
+      "Parameters that contact events determine, P of them, and the verdict. Entry k "
+      "of each array belongs to keys[k]; it is nan where determined[k] is False.");
+  of_fit
+      .def_property_readonly(
+          "fits", [](const Class& of) { return of.fit.fits(); },
+          "Whether the fit is accepted; if not, problem is the reason.")
+      .def_property_readonly(
+          "problem", [](const Class& of) { return name_of(of.fit.problem); },
+          "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
+          "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
+      .def_property_readonly(
+          "misfit", [](const Class& of) { return name_of(of.fit.misfit); },
+          "Evidence that the model is wrong: 'none', 'scatter', 'structured', 'prediction' or "
+          "'start'.")
+      .def_property_readonly(
+          "culprit",
+          [](const Class& of) -> std::optional<std::string> {
+            if (of.fit.culprit < 0) return std::nullopt;
+            return of.keys[static_cast<std::size_t>(of.fit.culprit)];
+          },
+          "Key of the parameter that reached its bound, or None.");
+  bind_fitted_values(of_fit);
+  bind_fit_figures(of_fit);
   module.def(
       "identify", &run_identify, py::arg("scene"), py::arg("events"), py::kw_only(),
       py::arg("free") = py::none(), py::arg("known") = std::vector<std::string>{},

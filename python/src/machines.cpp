@@ -356,13 +356,30 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
   return changed;
 }
 
+// Standard deviations of parameters by key, without correlation.
+ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, double>& sigmas) {
+  require(!has_sampled_inputs(scene.model), "parameters do not support recorded inputs");
+  ParameterUncertainty parameters;
+  const auto P = static_cast<Eigen::Index>(sigmas.size());
+  parameters.sigma.resize(P);
+  for (const auto& [key, sigma] : sigmas) {
+    require(can_be_filtered(unknown_of(scene, key)), key + " cannot be a parameter of a filter");
+    parameters.sigma[std::ssize(parameters.keys)] = required_positive(key.c_str(), sigma);
+    parameters.keys.push_back(key);
+  }
+  parameters.correlation.setIdentity(P, P);
+  parameters.consider.assign(sigmas.size(), false);
+  return parameters;
+}
+
 std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& master,
                                 const std::optional<State>& replica,
                                 const std::optional<NumberOrVector>& uncertainty,
                                 const std::optional<State>& sigma, std::optional<double> drift,
                                 std::optional<double> jitter,
                                 const std::optional<std::string>& name,
-                                const std::optional<Tolerance>& tolerance) {
+                                const std::optional<Tolerance>& tolerance,
+                                const std::optional<std::map<std::string, double>>& parameters) {
   const Eigen::Index f = scene.model.coordinates();
   auto changed = std::make_shared<Scene>(scene);
   Prior& prior = changed->prior;
@@ -393,6 +410,7 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
   if (jitter) prior.jitter = required_not_negative("jitter", *jitter);
   if (name) changed->name = *name;
   if (tolerance) prior.tolerance = *tolerance;
+  if (parameters) prior.parameters = uncertain(scene, *parameters);
   return changed;
 }
 
@@ -517,7 +535,7 @@ void bind_model(py::module_& module) {
       "the frame where the support stands on the ground; none where it moves with the frame.");
 }
 
-void bind_scene(py::module_& module) {
+void bind_scene_parts(py::module_& module) {
   py::class_<State>(module, "State", "Coordinates q and velocities u, f entries each.")
       .def(py::init([](Eigen::VectorXd q, Eigen::VectorXd u) {
              return State{std::move(q), std::move(u)};
@@ -559,42 +577,12 @@ void bind_scene(py::module_& module) {
       .def_readonly("modes", &KeptModes::modes, "Number of modes; the rest are static vectors.")
       .def_property_readonly("Phi", matrix_property(&KeptModes::Phi), "N x f.")
       .def_property_readonly("to_kept", matrix_property(&KeptModes::to_kept), "Phi^T M, f x N.");
+}
 
-  py::class_<Scene, std::shared_ptr<Scene>>(
-      module, "Scene",
-      "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
-      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's "
-      "start, or in its place sigma: standard deviations of its q and u, as a State; "
-      "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
-      "[s]: from the machine's own time where it is not given; tolerance: hard limits of "
-      "deviations, for the bound on V. excitation: motion e(t) of a shaken frame [m], against "
-      "which "
-      "the model's coordinates are measured, with influence r in its force -M r e''(t), one number "
-      "or f; mount: \"ground\" (default) or \"frame\" for each contact. modes: number of lowest "
-      "modes to keep, and static_vectors: orders of static vectors of the contacts; model and "
-      "starts then have the N coordinates of the given model, all else those of kept.")
-      .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
-           py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
-           py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
-           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none(),
-           py::arg("excitation") = py::none(), py::arg("influence") = py::none(),
-           py::arg("mount") = py::none(), py::arg("modes") = py::none(),
-           py::arg("static_vectors") = std::vector<int>{})
-      .def("with_values", &with_values, py::arg("values"),
-           "The scene with other values of parameters: a dict by their keys in scene files, such "
-           "as 'impact.restitution' or 'system.K' (a factor). Raises ValueError.")
-      .def("replace", &replaced, py::kw_only(), py::arg("master") = py::none(),
-           py::arg("replica") = py::none(), py::arg("uncertainty") = py::none(),
-           py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
-           py::arg("jitter") = py::none(), py::arg("name") = py::none(),
-           py::arg("tolerance") = py::none(),
-           "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
-           "as of Scene(), uncertainty also as one energy. Raises ValueError.")
-      .def_property_readonly(
-          "kept", [](const Scene& scene) { return scene.kept.get(); },
-          py::return_value_policy::reference_internal,
-          "The KeptModes of a scene with system.modes; None: all coordinates are kept.")
-      .def_readonly("name", &Scene::name)
+using SceneClass = py::class_<Scene, std::shared_ptr<Scene>>;
+
+void bind_scene_values(SceneClass& of_scene) {
+  of_scene
       .def_property_readonly(
           "f", [](const Scene& scene) { return scene.model.coordinates(); },
           "Number of coordinates.")
@@ -647,7 +635,50 @@ void bind_scene(py::module_& module) {
         return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +
                ", m = " + std::to_string(scene.model.contacts.size()) + ">";
       });
+}
 
+void bind_scene(py::module_& module) {
+  SceneClass of_scene(
+      module, "Scene",
+      "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
+      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's "
+      "start, or in its place sigma: standard deviations of its q and u, as a State; "
+      "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
+      "[s]: from the machine's own time where it is not given; tolerance: hard limits of "
+      "deviations, for the bound on V. excitation: motion e(t) of a shaken frame [m], against "
+      "which "
+      "the model's coordinates are measured, with influence r in its force -M r e''(t), one number "
+      "or f; mount: \"ground\" (default) or \"frame\" for each contact. modes: number of lowest "
+      "modes to keep, and static_vectors: orders of static vectors of the contacts; model and "
+      "starts then have the N coordinates of the given model, all else those of kept.");
+  of_scene
+      .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
+           py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
+           py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
+           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none(),
+           py::arg("excitation") = py::none(), py::arg("influence") = py::none(),
+           py::arg("mount") = py::none(), py::arg("modes") = py::none(),
+           py::arg("static_vectors") = std::vector<int>{})
+      .def("with_values", &with_values, py::arg("values"),
+           "The scene with other values of parameters: a dict by their keys in scene files, such "
+           "as 'impact.restitution' or 'system.K' (a factor). Raises ValueError.")
+      .def("replace", &replaced, py::kw_only(), py::arg("master") = py::none(),
+           py::arg("replica") = py::none(), py::arg("uncertainty") = py::none(),
+           py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
+           py::arg("jitter") = py::none(), py::arg("name") = py::none(),
+           py::arg("tolerance") = py::none(), py::arg("parameters") = py::none(),
+           "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
+           "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
+           "uncertain parameters, a dict by their keys in scene files. Raises ValueError.")
+      .def_property_readonly(
+          "kept", [](const Scene& scene) { return scene.kept.get(); },
+          py::return_value_policy::reference_internal,
+          "The KeptModes of a scene with system.modes; None: all coordinates are kept.")
+      .def_readonly("name", &Scene::name, "Name for people.");
+  bind_scene_values(of_scene);
+}
+
+void bind_scene_files(py::module_& module) {
   module.def(
       "read_scene",
       [](const std::filesystem::path& file) {
@@ -690,7 +721,9 @@ void bind_scene(py::module_& module) {
 void bind_machines(py::module_& module) {
   bind_beam(module);
   bind_model(module);
+  bind_scene_parts(module);
   bind_scene(module);
+  bind_scene_files(module);
 }
 
 }  // namespace sprag::python

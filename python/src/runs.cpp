@@ -158,7 +158,7 @@ void bind_simulation(py::module_& module) {
       "no states where tick is 0. Raises ModelError, SimulationError or ValueError.");
 }
 
-void bind_estimates(py::module_& module) {
+void bind_inconsistency(py::module_& module) {
   py::class_<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
       .def_readonly("t", &Inconsistency::t, "[s]")
       .def_property_readonly(
@@ -172,7 +172,9 @@ void bind_estimates(py::module_& module) {
         return "<sprag.Inconsistency t = " + std::to_string(of.t) + ", contact " +
                std::to_string(of.contact + 1) + ": " + name(of.suspicion) + ">";
       });
+}
 
+void bind_estimates(py::module_& module) {
   py::class_<Estimates>(module, "Estimates",
                         "An observer's estimates of many ticks. All arrays are read-only views; "
                         "row k is tick k. Sigmas have no columns without a timing filter.")
@@ -253,7 +255,7 @@ void bind_estimates(py::module_& module) {
       "Raises ModelError or ValueError.");
 }
 
-void bind_observer(py::module_& module) {
+void bind_estimate(py::module_& module) {
   py::class_<Estimate>(module, "Estimate",
                        "An observer's estimate of one tick. All arrays are read-only views.")
       .def_readonly("tick", &Estimate::tick)
@@ -311,7 +313,9 @@ void bind_observer(py::module_& module) {
             return estimate.last;
           },
           "The last of them; None: none.");
+}
 
+void bind_observer(py::module_& module) {
   py::class_<SharedObserver>(
       module, "Observer",
       "Takes contact events in any order and late, gives settled estimates in order and the "
@@ -474,7 +478,9 @@ ObserverSettings to_settings(double tick, const std::string& estimator,
 
 void bind_runs(py::module_& module) {
   bind_simulation(module);
+  bind_inconsistency(module);
   bind_estimates(module);
+  bind_estimate(module);
   bind_observer(module);
   bind_energies(module);
   bind_check(module);

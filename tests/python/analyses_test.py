@@ -325,6 +325,15 @@ restitution = 0.6
         for wrong in ({"impact.restitution": 1.5}, {"system.Q": 1.0}, {"system.K": -1.0}):
             with self.subTest(wrong), self.assertRaises(ValueError):
                 rig().with_values(wrong)
+        uncertain = rig().replace(parameters={"impact.restitution": 0.01, "system.K": 0.02})
+        self.assertEqual(uncertain.parameters.keys, ["impact.restitution", "system.K"])
+        np.testing.assert_array_equal(uncertain.parameters.sigma, [0.01, 0.02])
+        events = sprag.simulate(rig(), 20.0).events
+        sigmas = [sprag.observe(of, events, 20.0).sigma_q[-1, 0] for of in (uncertain, rig())]
+        self.assertGreater(sigmas[0], sigmas[1])
+        for wrong in ({"system.K.1.2": 0.1}, {"impact.restitution": 0.0}, {"x": 1.0}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                rig().replace(parameters=wrong)
         with self.assertRaises(ValueError):
             rig().replace(jitter=-1.0)
         with self.assertRaises(ValueError):

@@ -30,7 +30,7 @@ class TutorialTest(unittest.TestCase):
         for i, (code, printed) in enumerate(blocks()):
             with self.subTest(i), tempfile.TemporaryDirectory() as folder:
                 done = subprocess.run(
-                    [sys.executable, "-W", "error", "-c", code],
+                    [sys.executable, "-c", code],
                     cwd=folder,
                     capture_output=True,
                     text=True,
