@@ -113,6 +113,8 @@ void Estimation::to_json(nlohmann::ordered_json& report) {
                      {"no_room", counts.no_room},
                      {"newest", stream->started() ? nlohmann::ordered_json(stream->newest())
                                                   : nlohmann::ordered_json(nullptr)}};
+  nlohmann::ordered_json& lost = report["input"]["lost"] = nlohmann::ordered_json::array();
+  for (const EventGap& gap : stream->lost()) lost.push_back({{"from", gap.from}, {"to", gap.to}});
 }
 
 }  // namespace sprag
