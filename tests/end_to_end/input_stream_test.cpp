@@ -205,6 +205,11 @@ TEST_F(InputStreamTest, WhatAStreamExcludes) {
               std::string::npos)
         << ended.err;
   }
+  const Ended longer = run("observer", {machine, "--duration", "700"});
+  EXPECT_EQ(longer.code, 2);
+  EXPECT_NE(longer.err.find("--duration is longer than excitation.stream_duration"),
+            std::string::npos)
+      << longer.err;
   const Ended none = run("master_sim", {scene("paper_beam"), "--publish-input", "--duration", "1"});
   EXPECT_EQ(none.code, 2);
   EXPECT_NE(none.err.find("--publish-input: paper_beam must have a recorded"), std::string::npos);
