@@ -41,7 +41,7 @@ constexpr std::size_t events_at_once = 1000;
 SampledInputPointer record_of(const Scene& scene) {
   for (const Force& force : scene.model.forces) {
     if (!force.input) continue;
-    if (!force.input->even() || force.input->settings().displacement) break;
+    if (!has_even_samples(*force.input) || force.input->settings().displacement) break;
     return force.input;
   }
   throw UsageError(

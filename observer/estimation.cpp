@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/replica/penetration.h"
@@ -23,6 +24,10 @@ const Scene& checked(const Scene& scene, const ObserverOptions& options) {
   if (options.stepper != StepperKind::exact) refuse("--stepper moreau");
   if (!options.impacts.empty()) refuse("--impacts");
   if (options.predict > 0.0) refuse("--predict");
+  if (std::isfinite(options.duration) && options.duration > scene.stream_duration) {
+    throw UsageError("--duration is longer than excitation.stream_duration of " +
+                     printable(scene.name) + "; must be shorter, or the key must be larger");
+  }
   return scene;
 }
 
@@ -113,6 +118,8 @@ void Estimation::to_json(nlohmann::ordered_json& report) {
                      {"no_room", counts.no_room},
                      {"newest", stream->started() ? nlohmann::ordered_json(stream->newest())
                                                   : nlohmann::ordered_json(nullptr)}};
+  nlohmann::ordered_json& lost = report["input"]["lost"] = nlohmann::ordered_json::array();
+  for (const EventGap& gap : stream->lost()) lost.push_back({{"from", gap.from}, {"to", gap.to}});
 }
 
 }  // namespace sprag

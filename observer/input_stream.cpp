@@ -11,6 +11,7 @@ namespace sprag {
 namespace {
 
 constexpr double no_sample = -1.0;  // horizon of an input without samples
+constexpr std::size_t most_lost = 100;
 
 void widen_all(double by, const Eigen::VectorXd& push, Eigen::VectorXd& sigma) {
   for (Eigen::Index i = 0; i < sigma.size(); ++i) sigma[i] = std::hypot(sigma[i], by * push[i]);
@@ -42,6 +43,7 @@ InputStream::InputStream(const StreamedScene& of, Flows& flows,
         std::abs(model.outputs[i].direction.dot(acceleration));
     velocities_.push_back(model.outputs[i].velocity);
   }
+  lost_.reserve(most_lost);
   time_line_.receive_input(no_sample, no_sample);
 }
 
@@ -65,7 +67,9 @@ void InputStream::take(const InputMessage& message) {
   }
   if (late_) return;
   time_line_.receive_input(taken.from, newest());
-  if (taken.gap_from >= 0.0) time_line_.degrade(taken.gap_from, taken.gap_to);
+  if (taken.gap_to > taken.gap_from && lost_.size() < most_lost) {
+    lost_.push_back({taken.gap_from, taken.gap_to});
+  }
 }
 
 bool InputStream::restarts_after(const ContactMessage& message) {
@@ -85,7 +89,8 @@ void InputStream::print(std::ostream& out) const {
   }
   if (counts.gaps > 0) {
     out << counts.filled << " samples of the input were lost in " << counts.gaps
-        << " gaps and interpolated; the estimates there are worse\n";
+        << " gaps and interpolated, the first from t = " << lost_.front().from << " to "
+        << lost_.front().to << "; the estimates there are worse\n";
   }
   if (counts.no_room > 0) {
     out << "the input has no room after t = " << newest()

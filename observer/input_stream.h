@@ -14,6 +14,7 @@
 #include "sprag/detail/events/input_history.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
+#include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/scene.h"
 
 namespace sprag {
@@ -51,6 +52,8 @@ class InputStream {
   bool started() const { return history_.started(); }
   double newest() const { return history_.newest(); }
   const InputCounts& counts() const { return history_.counts(); }
+  /// Intervals whose samples were interpolated, at most 100.
+  const std::vector<EventGap>& lost() const { return lost_; }
 
  private:
   StreamedScene of_;
@@ -60,6 +63,7 @@ class InputStream {
   Eigen::VectorXd push_;          // |M^-1 w| of the input's force: acceleration by a = 1, f entries
   Eigen::VectorXd push_gaps_;     // of the gaps, m entries
   Eigen::VectorXd push_outputs_;  // of the outputs
+  std::vector<EventGap> lost_;
   std::vector<bool> velocities_;  // whether an output is a velocity
   // The first sample is later than the first tick, so that the time line must restart after it. Set
   // by the first message of a session; cleared by restarts_after() and restart().

@@ -24,7 +24,12 @@ int main(int argc, char** argv) {
     if (command.options.estimator == sprag::EstimatorKind::adaptive) {
       sprag::refuse_recorded_inputs(scene, "--estimator adaptive");
     }
-    if (std::isfinite(command.options.duration)) {
+    if (scene.stream_duration > 0.0) {
+      if (command.smooth) {
+        throw sprag::UsageError(
+            "--smooth does not support a streamed excitation (the key `stream`)");
+      }
+    } else if (std::isfinite(command.options.duration)) {
       sprag::require_inputs_until(scene, command.options.duration, "--duration");
     } else if (const double end = sprag::end_of_inputs(scene.model); std::isfinite(end)) {
       std::cerr << "the recorded input ends at t = " << end

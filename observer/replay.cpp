@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "command_line/program.h"
+#include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
 #include "observer/estimation.h"
 #include "observer/notices.h"
@@ -298,7 +299,12 @@ int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayO
   }
   // Events without their input: the record of the scene is the excitation.
   Scene of_record = scene;
-  if (csv) of_record.stream_duration = 0.0;
+  if (csv && scene.stream_duration > 0.0) {
+    of_record.stream_duration = 0.0;
+    if (std::isfinite(options.duration)) {
+      require_inputs_until(scene, options.duration, "--duration");
+    }
+  }
   Replay run(of_record, options, replay);
   bool whole = true;
   try {

@@ -318,6 +318,12 @@ SampledInput with_gain_and_delay(const SampledInput& input, double gain, double 
   return {input.sample_times(), input.sample_values(), std::move(settings)};
 }
 
+bool has_even_samples(const SampledInput& input) {
+  SampledInput::Settings settings = input.settings();
+  settings.delay = -input.sample_times().front();
+  return SampledInput(input.sample_times(), input.sample_values(), std::move(settings)).even();
+}
+
 SampledInput with_errors(const SampledInput& input, std::span<const double> errors) {
   std::vector<double> values = input.sample_values();
   for (std::size_t k = 0; k < values.size(); ++k) values[k] += errors[k];

@@ -207,6 +207,10 @@ using SampledInputPointer = std::shared_ptr<const SampledInput>;
 /// \param delay Settings::delay [s].
 /// \return the input.
 SampledInput with_gain_and_delay(const SampledInput& input, double gain, double delay);
+/// \brief Whether all intervals between the samples of a record are equal.
+/// \param input the record.
+/// \return true if they are.
+bool has_even_samples(const SampledInput& input);
 /// \brief The same input with other errors of its samples.
 /// \param input the input.
 /// \param errors added to SampledInput::sample_values(), as many.

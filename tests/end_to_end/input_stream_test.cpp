@@ -5,6 +5,9 @@
 #include <csignal>
 #include <iostream>
 
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/state_codec.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -92,18 +95,20 @@ INSTANTIATE_TEST_SUITE_P(
                     Trouble{"contacts",
                             {"--seed", "24", "--loss", "0.3", "--double", "0.2", "--reorder",
                              "0.25", "--delay", "50", "--only", "SPRAG_CONTACTS"}}),
-    [](const auto& info) { return std::string(info.param.name); });
+    [](const auto& of) { return std::string(of.param.name); });
 
 // The record of the scene and its stream are the same input.
 TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
   const std::string machine = streamed_scene();
   Process& recorder = start_recorder(file("run.lcmlog"), "SPRAG_.*");
-  Process& master = start_master({machine, "--duration", "6", "--speed", "max", "--publish-input",
+  Process& master = start_master({machine, "--duration", "6", "--speed", "4", "--publish-input",
                                   "--no-truth", "--events", file("events.csv")});
   EXPECT_EQ(end_of(master).code, 0);
   end_recorder(recorder);
   const Arguments how{"--tick", "0.005", "--duration", "6"};
-  const auto streamed = read_states_file(replay(machine, file("run.lcmlog"), how));
+  const auto streamed = read_states_file(
+      replay(machine, file("run.lcmlog"), how + Arguments{"--report", file("o.json")}));
+  ASSERT_EQ(json("o.json")["input"]["gaps"], 0);
   const auto recorded = read_states_file(replay(machine, file("events.csv"), how));
   ASSERT_EQ(streamed.size(), 1201U);
   ASSERT_EQ(recorded.size(), 1201U);
@@ -134,6 +139,62 @@ TEST_F(InputStreamTest, AMissingInputIsReported) {
   EXPECT_TRUE(json("o.json")["input"]["newest"].is_null());
 }
 
+// The input stops for two seconds while the contacts go on.
+TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
+  const std::string machine = streamed_scene();
+  const std::uint16_t near = free_port(), far = free_port();
+  Process& relay = start_relay(near, far,
+                               {"--seed", "25", "--outages", "1", "--outage", "2", "--every", "3.5",
+                                "--only", "SPRAG_INPUT"});
+  set_url(udp_url(far));
+  Process& recorder = start_recorder(file("far.lcmlog"), "SPRAG_.*");
+  Process& observer =
+      start_listening("observer", {machine, "--duration", "6", "--tick", "0.005", "--states",
+                                   file("live.csv"), "--report", file("o.json")});
+  set_url(udp_url(near));
+  Process& master = start_master({machine, "--duration", "6", "--publish-input", "--no-truth"});
+  EXPECT_TRUE(in_time([&] {
+    return observer.err().find("samples of the excitation arrive again") != std::string::npos;
+  })) << observer.err();
+  EXPECT_EQ(end_of(master).code, 0);
+  const Ended ended = end_of(observer);
+  EXPECT_EQ(ended.code, 0);
+  end_recorder(recorder);
+  relay.signal(SIGTERM);
+  end_of(relay);
+  EXPECT_NE(ended.err.find("no sample of the excitation for 1 s"), std::string::npos);
+  EXPECT_NE(ended.err.find("gaps and interpolated"), std::string::npos) << ended.err;
+  const nlohmann::json report = json("o.json");
+  EXPECT_EQ(report["input"]["gaps"], 1);
+  EXPECT_GT(report["input"]["filled"], 500);
+  ASSERT_EQ(report["input"]["lost"].size(), 1U);
+  EXPECT_GT(report["input"]["lost"][0]["to"],
+            report["input"]["lost"][0]["from"].get<double>() + 1.0);
+  // Provisional estimates 0.3 s after the newest sample, against those just after one. An infinite
+  // deviation means that the estimate is unknown.
+  ChannelLogReader log(file("far.lcmlog"));
+  ChannelRecord record;
+  EstimateSample sample;
+  double before = infinity, within = infinity;
+  int within_count = 0;
+  while (log.next(record)) {
+    if (record.channel != "SPRAG_ESTIMATE") continue;
+    ASSERT_EQ(decode(record.data, sample), Refusal::none);
+    if (sample.confidence.sigma_u.size() == 0 || sample.settled_tick < 0) continue;
+    const double age = 0.005 * static_cast<double>(sample.tick - sample.settled_tick);
+    const double sigma = sample.confidence.sigma_u.maxCoeff();
+    if (sample.t > 1.0 && sample.t < 1.4 && age < 0.02) before = std::min(before, sigma);
+    if (age < 0.3) continue;
+    within = std::min(within, sigma);
+    ++within_count;
+  }
+  std::cout << "sigma of a velocity: " << before << ", after 0.3 s without input at least "
+            << within << " in " << within_count << " estimates\n";
+  EXPECT_GT(within_count, 50);
+  ASSERT_LT(before, infinity);
+  EXPECT_GT(within, 5.0 * before);
+}
+
 TEST_F(InputStreamTest, WhatAStreamExcludes) {
   const std::string machine = streamed_scene();
   for (const Arguments& more : {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
@@ -144,6 +205,11 @@ TEST_F(InputStreamTest, WhatAStreamExcludes) {
               std::string::npos)
         << ended.err;
   }
+  const Ended longer = run("observer", {machine, "--duration", "700"});
+  EXPECT_EQ(longer.code, 2);
+  EXPECT_NE(longer.err.find("--duration is longer than excitation.stream_duration"),
+            std::string::npos)
+      << longer.err;
   const Ended none = run("master_sim", {scene("paper_beam"), "--publish-input", "--duration", "1"});
   EXPECT_EQ(none.code, 2);
   EXPECT_NE(none.err.find("--publish-input: paper_beam must have a recorded"), std::string::npos);

@@ -24,7 +24,7 @@ SampledInput record_of(std::int64_t samples) {
     t.push_back(dt * static_cast<double>(k));
     values.push_back(sample(k));
   }
-  return {t, values, {.outside = Outside::hold, .gain = 2.0, .delay = 0.004}};
+  return {t, values, {.outside = Outside::hold, .gain = 2.0, .delay = -0.004}};
 }
 
 InputMessage message_of(std::int64_t total, int n) {
@@ -78,9 +78,9 @@ TEST(InputHistory, GapsAreInterpolatedAndReported) {
   EXPECT_TRUE(taken.any);
   EXPECT_EQ(history.counts().gaps, 1);
   EXPECT_EQ(history.counts().filled, 15);
-  EXPECT_NEAR(taken.gap_from, 0.094, 1e-12);
-  EXPECT_NEAR(taken.gap_to, 0.254, 1e-12);
-  EXPECT_NEAR(input.value(0.004 + 0.17), 2.0 * (0.5 * sample(9) + 0.5 * sample(25)), 1e-12);
+  EXPECT_NEAR(taken.gap_from, 0.086, 1e-12);
+  EXPECT_NEAR(taken.gap_to, 0.246, 1e-12);
+  EXPECT_NEAR(input.value(0.17 - 0.004), 2.0 * (0.5 * sample(9) + 0.5 * sample(25)), 1e-12);
 }
 
 TEST(InputHistory, RefusesAnotherIntervalAndEndsWhenFull) {

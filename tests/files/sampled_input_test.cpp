@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -254,6 +255,33 @@ TEST_F(RecordedInput, BadGainAndDelay) {
               std::string::npos)
         << error.what();
   }
+}
+
+TEST_F(RecordedInput, Stream) {
+  EXPECT_EQ(scene_of(good_record).stream_duration, 0.0);
+  EXPECT_EQ(scene_of(good_record, "stream = true\n").stream_duration, 600.0);
+  const Scene scene = scene_of(good_record, "stream = true\nstream_duration = 2.0\ngain = 2.0\n");
+  std::shared_ptr<SampledInput> input;
+  const Scene streamed = with_stream(scene, input);
+  EXPECT_EQ(streamed.model.forces[0].input, input);
+  EXPECT_EQ(input->most_samples(), 22U);
+  EXPECT_DOUBLE_EQ(input->spacing(), 0.1);
+  EXPECT_EQ(input->value(0.3), 0.0);
+  EXPECT_TRUE(input->append(0.0, 1.0));
+  EXPECT_TRUE(input->append(0.0, 2.0));
+  EXPECT_DOUBLE_EQ(input->value(0.05), 3.0);
+  EXPECT_DOUBLE_EQ(input->value(0.5), 4.0);
+
+  expect_error(good_record, "x.toml:10:19: excitation.stream_duration is for a streamed input",
+               "stream_duration = 2.0\n");
+  expect_error("t,a\n0,0\n0.1,1\n0.22,1.5\n0.3,1\n0.4,0\n0.5,-1\n",
+               "x.toml:10:10: excitation.stream needs a record with equal intervals",
+               "stream = true\n");
+  std::string ground(recorded_beam);
+  ground.replace(ground.find("mount = \"frame\""), 15, "mount = \"ground\"");
+  EXPECT_NE(error_of(good_record, "stream = true\n", ground)
+                .find("excitation.stream is for an acceleration, with contacts on the frame"),
+            std::string::npos);
 }
 
 }  // namespace

@@ -204,6 +204,7 @@ double read_stream(const TomlTable& excitation, const Scene& scene) {
   if (input.settings().displacement || on_ground) {
     refuse("is for an acceleration, with contacts on the frame (mount = \"frame\")");
   }
+  if (!has_even_samples(input)) refuse("needs a record with equal intervals between samples");
   if (scene.prior.tolerance.any()) refuse("excludes [tolerance]: no bound holds");
   return duration;
 }
