@@ -233,7 +233,8 @@ TEST(Clock, RateIsFoundToItsSigma) {
 // The fitted scene is that of the machine, with a start at the machine's t = 0.
 TEST(Clock, StartIsThatOfTheMachine) {
   for (const double offset : {0.0, 0.02, -0.03}) {
-    const Scene scene = two_masses();
+    Scene scene = two_masses();
+    scene.truth.start.u = Eigen::Vector2d(0.3, -0.4);
     const ContactClock clock{.offset = offset, .rate = 1.002};
     const auto events = by_clock(impacts_of(scene, 40.0), clock);
     const Identification found = fit(scene, events, {"clock.rate", "clock.offset"}, 0.0);
