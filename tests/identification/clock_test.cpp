@@ -10,6 +10,7 @@
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/identification.h"
 #include "tests/identification/ball.h"
+#include "tests/identification/fitted_unknown.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 
@@ -113,13 +114,6 @@ Identification fit(const Scene& scene, const std::vector<ContactEvent>& events,
   settings.unknowns = unknowns_named(scene, keys);
   settings.jitter = jitter;
   return identify(scene, events, settings);
-}
-
-const FittedUnknown& fitted(const Identification& fit, const std::string& key) {
-  for (const FittedUnknown& unknown : fit.unknowns) {
-    if (unknown.unknown.key == key) return unknown;
-  }
-  throw std::invalid_argument(key);
 }
 
 // The machine of a family in the time of the events, by a master of its own.

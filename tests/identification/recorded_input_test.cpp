@@ -13,6 +13,7 @@
 #include "sprag/detail/identification/recorded_response.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/identification.h"
+#include "tests/identification/fitted_unknown.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 
@@ -77,11 +78,6 @@ Scene with_input(const Scene& scene, const SampledInput& input) {
   Scene changed = scene;
   changed.model.forces[0].input = std::make_shared<const SampledInput>(input);
   return changed;
-}
-
-const FittedUnknown& fitted(const Identification& fit, const std::string& key) {
-  return *std::find_if(fit.unknowns.begin(), fit.unknowns.end(),
-                       [&](const FittedUnknown& of) { return of.unknown.key == key; });
 }
 
 TEST(RecordedIdentification, FindsGainAndDelay) {

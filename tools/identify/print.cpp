@@ -293,6 +293,47 @@ void add_repairs(const IdentifyResult& result, nlohmann::ordered_json& object) {
   }
 }
 
+void write_departure(const Departure& error, nlohmann::ordered_json& object) {
+  object["drift"] = nullptr;
+  if (error.drift) {
+    const DriftEstimate& drift = *error.drift;
+    object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
+                       {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
+  }
+  object["restitution_scatter"] = nullptr;
+  if (error.scatter) {
+    object["restitution_scatter"] = {{"found", error.scatter->found()},
+                                     {"value", error.scatter->scatter},
+                                     {"gain", error.scatter->gain},
+                                     {"jitter", error.scatter->jitter}};
+  }
+  object["restitution_trend"] = nullptr;
+  if (error.trend) {
+    object["restitution_trend"] = {{"found", error.trend->found()},
+                                   {"value", error.trend->trend},
+                                   {"sigma", error.trend->sigma},
+                                   {"gain", error.trend->gain},
+                                   {"chi2_without", error.trend->chi2_without},
+                                   {"chi2_with", error.trend->chi2_with}};
+  }
+}
+
+void write_record_errors(const Identification& fit, nlohmann::ordered_json& object) {
+  object["record"] = nullptr;
+  if (const RecordErrors& errors = fit.record_errors; !errors.empty()) {
+    const bool limits =
+        std::any_of(fit.unknowns.begin(), fit.unknowns.end(),
+                    [](const FittedUnknown& fitted) { return fitted.is_limited_by_record(); });
+    object["record"] = {{"limits", limits},
+                        {"noise_scatter", errors.noise_scatter},
+                        {"resolution_scatter", errors.resolution_scatter},
+                        {"other_interpolation_scatter", nullptr}};
+    if (errors.other_scatter > 0.0) {
+      object["record"]["other_interpolation_scatter"] = errors.other_scatter;
+    }
+  }
+}
+
 }  // namespace
 
 std::string verdict(const IdentifyResult& result) {
@@ -381,42 +422,8 @@ void write_json(const IdentifyResult& result, nlohmann::ordered_json& object) {
   object["largest_chi2"] = fit.largest_chi2;
   object["predicted"] = found(fit.predicted);
   object["predicted_before"] = found(fit.predicted_before);
-  const Departure& error = fit.departure;
-  object["drift"] = nullptr;
-  if (error.drift) {
-    const DriftEstimate& drift = *error.drift;
-    object["drift"] = {{"found", drift.found()}, {"value", drift.drift}, {"low", drift.low},
-                       {"high", drift.high},     {"gain", drift.gain},   {"jitter", drift.jitter}};
-  }
-  object["restitution_scatter"] = nullptr;
-  if (error.scatter) {
-    object["restitution_scatter"] = {{"found", error.scatter->found()},
-                                     {"value", error.scatter->scatter},
-                                     {"gain", error.scatter->gain},
-                                     {"jitter", error.scatter->jitter}};
-  }
-  object["restitution_trend"] = nullptr;
-  if (error.trend) {
-    object["restitution_trend"] = {{"found", error.trend->found()},
-                                   {"value", error.trend->trend},
-                                   {"sigma", error.trend->sigma},
-                                   {"gain", error.trend->gain},
-                                   {"chi2_without", error.trend->chi2_without},
-                                   {"chi2_with", error.trend->chi2_with}};
-  }
-  object["record"] = nullptr;
-  if (const RecordErrors& errors = fit.record_errors; !errors.empty()) {
-    const bool limits =
-        std::any_of(fit.unknowns.begin(), fit.unknowns.end(),
-                    [](const FittedUnknown& fitted) { return fitted.is_limited_by_record(); });
-    object["record"] = {{"limits", limits},
-                        {"noise_scatter", errors.noise_scatter},
-                        {"resolution_scatter", errors.resolution_scatter},
-                        {"other_interpolation_scatter", nullptr}};
-    if (errors.other_scatter > 0.0) {
-      object["record"]["other_interpolation_scatter"] = errors.other_scatter;
-    }
-  }
+  write_departure(fit.departure, object);
+  write_record_errors(fit, object);
   object["held"] = nullptr;
   if (!result.held.empty()) object["held"] = result.held;
   object["parameters"] = Json::array();
