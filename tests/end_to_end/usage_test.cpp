@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <filesystem>
 
 #include "tests/end_to_end/fixture.h"
 
@@ -108,7 +109,6 @@ TEST_F(UsageTest, MoreauStepperSelectsReplica) {
 TEST_F(UsageTest, MessagesAreNotWrittenToOutputsIfStandardStreamsAreClosed) {
   const std::string events = simulate(beam_, "5", "0.1");
   const std::string scene_file = scene("paper_beam");
-  int run_number = 0;
   const auto expect_same = [&](const std::string& program, const Arguments& arguments,
                                const std::vector<std::string>& outputs) {
     std::vector<std::string> expected;
@@ -118,7 +118,9 @@ TEST_F(UsageTest, MessagesAreNotWrittenToOutputsIfStandardStreamsAreClosed) {
       command = command + arguments;
       std::vector<std::string> files;
       for (const std::string& option : outputs) {
-        files.push_back(file("closed" + std::to_string(run_number++)));
+        // The same names in every run, since the report contains the command line.
+        files.push_back(file("output" + std::to_string(files.size())));
+        std::filesystem::remove(files.back());
         command = command + Arguments{option, files.back()};
       }
       EXPECT_EQ(end_of(start_command(command)).code, 0);
