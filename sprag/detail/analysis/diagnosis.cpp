@@ -16,7 +16,7 @@ namespace {
 // reasonable scatter.
 constexpr double exact = 1e-9;
 constexpr double widest = 0.05;
-constexpr int least_closings = 8;  // besides those that determine the state
+constexpr int least_more_closings = 8;  // besides those that determine the state
 // Gain of J that a correct parameter reaches once in 10000 records.
 constexpr double significant_gain = 20.0;
 // Gain of J by a second parameter. If the first is the only wrong one, the best of ten others
@@ -209,9 +209,9 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   const auto too_few = [&](const std::string& why) {
     return TooFewEvents("contacts close at " + std::to_string(closings) + " instants; " + why);
   };
-  if (closings - to_start < least_closings) {
+  if (closings - to_start < least_more_closings) {
     throw too_few("this machine's state takes " + std::to_string(to_start) + " and its model " +
-                  std::to_string(least_closings) + " more");
+                  std::to_string(least_more_closings) + " more");
   }
   Judge judge(scene, events, jitter, beginning);
   const std::optional<Identification> nominal = judge.fit({});

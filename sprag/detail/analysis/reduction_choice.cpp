@@ -27,7 +27,7 @@ constexpr double share_is_close = 1e-4;
 
 const std::array<std::vector<int>, 4> sets{{{0}, {0, 1}, {1, 2, 3}, {0, 1, 2, 3}}};
 
-bool closes(std::span<const ContactEvent> events) {
+bool has_closings(std::span<const ContactEvent> events) {
   return std::any_of(events.begin(), events.end(), [](const ContactEvent& event) {
     return event.kind != ContactEventKind::opens;
   });
@@ -88,7 +88,7 @@ Followed second_half(std::span<const ContactEvent> events, double begins, Contac
 int closings(const Followed& followed) {
   int count = 0;
   for_each_instant(followed.events, [&](std::span<const ContactEvent> of_one) {
-    if (of_one.front().t >= followed.counts && closes(of_one)) ++count;
+    if (of_one.front().t >= followed.counts && has_closings(of_one)) ++count;
   });
   return count;
 }
@@ -107,7 +107,7 @@ double rms_gap(const ModalMachine& machine, const Followed& followed) {
     for_each_instant(followed.events, [&](std::span<const ContactEvent> of_one) {
       check_interrupt();
       replica.take(of_one, state);
-      if (!closes(of_one)) return;
+      if (!has_closings(of_one)) return;
       const double t = of_one.front().t;
       const double weight = t - last;
       last = t;

@@ -11,8 +11,8 @@ namespace {
 
 // Gauss-Legendre quadrature on [0, 1]. turn_of_a_panel: phase of the fastest mode per panel [rad].
 constexpr int nodes = 5;
-constexpr double node[nodes] = {0.046910077030668, 0.230765344947158, 0.5, 0.769234655052842,
-                                0.953089922969332};
+constexpr double abscissa[nodes] = {0.046910077030668, 0.230765344947158, 0.5, 0.769234655052842,
+                                    0.953089922969332};
 constexpr double weight[nodes] = {0.118463442528095, 0.239314335249683, 0.284444444444444,
                                   0.239314335249683, 0.118463442528095};
 constexpr double turn_of_a_panel = 0.5;
@@ -119,7 +119,7 @@ void ImpactRecorder::fly(const Motion& from, double tau, bool known) {
     const double step = tau / panels;
     for (double panel = 0.0; panel < panels; ++panel) {
       for (int k = 0; k < nodes; ++k) {
-        const double age = (panel + node[k]) * step;
+        const double age = (panel + abscissa[k]) * step;
         const double lambda = at_age(age);
         held.last_impulse += weight[k] * step * lambda;
         if (lambda > most) {

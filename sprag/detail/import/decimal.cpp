@@ -13,7 +13,7 @@ namespace {
 using Integer = Decimal::Integer;
 
 constexpr int most_digits = 36;  // fewer than 128 bits hold, which leaves room for a carry
-constexpr int largest_exponent = 300;
+constexpr int largest_power = 300;
 constexpr std::size_t longest_text = 1000;
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
@@ -111,8 +111,8 @@ std::optional<Decimal> parse_decimal(std::string_view text, DecimalMark mark) {
   if (!text.empty()) return std::nullopt;
   if (number.mantissa == 0) return Decimal{};
   for (; number.mantissa % 10 == 0; ++exponent) number.mantissa /= 10;
-  if (exponent > largest_exponent) return std::nullopt;
-  if (exponent < -largest_exponent - most_digits) return Decimal{};
+  if (exponent > largest_power) return std::nullopt;
+  if (exponent < -largest_power - most_digits) return Decimal{};
   if (negative) number.mantissa = -number.mantissa;
   number.exponent = exponent;
   return number;
