@@ -24,6 +24,7 @@
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/identification/repaired_events.h"
+#include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/import/import.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/identification.h"
@@ -61,28 +62,6 @@ py::array owned(EventList events) {
 template <class Row>
 py::array structured(const std::vector<Row>& rows) {
   return read_only(py::array_t<Row>(static_cast<py::ssize_t>(rows.size()), rows.data()));
-}
-
-const char* name_of(FitProblem problem) {
-  switch (problem) {
-    case FitProblem::none:
-      return "none";
-    case FitProblem::no_convergence:
-      return "no_convergence";
-    case FitProblem::events_left_out:
-      return "events_left_out";
-    case FitProblem::merged_bounces:
-      return "merged_bounces";
-    case FitProblem::lost_or_spurious_events:
-      return "lost_or_spurious_events";
-    case FitProblem::bound_reached:
-      return "bound_reached";
-    case FitProblem::degenerate_orbit:
-      return "degenerate_orbit";
-    case FitProblem::wrong_model:
-      break;
-  }
-  return "wrong_model";
 }
 
 const char* name_of(Misfit misfit) {

@@ -15,6 +15,12 @@ namespace sprag::test {
 
 using Arguments = std::vector<std::string>;
 
+/// The arguments of both, in this order.
+inline Arguments operator+(Arguments left, const Arguments& right) {
+  left.insert(left.end(), right.begin(), right.end());
+  return left;
+}
+
 class ProgramTest : public testing::Test {
  protected:
   struct Ended {

@@ -17,13 +17,9 @@ namespace sprag {
 namespace {
 
 using test::Arguments;
+using test::operator+;
 using test::read_text;
 using test::write_text;
-
-Arguments operator+(Arguments left, const Arguments& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
 
 class KeptModesProgramTest : public test::ProgramTest {
  protected:
