@@ -34,7 +34,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"two_supports_beam", 50.0}, Case{"non_proportional", 50.0},
                     Case{"steel_ruler", 2.0}, Case{"lab_rig", 20.0}, Case{"elastic_bar", 50.0},
                     Case{"bouncing_ball", 10.0}, Case{"impact_oscillator", 100.0},
-                    Case{"three_ball_chain", 2.0}),
+                    Case{"three_ball_chain", 2.0}, Case{"swept_beam", 5.0}),
     [](const auto& parameter) { return std::string(parameter.param.scene); });
 
 TEST_P(BoundOfScene, HoldsAtEveryTick) {
