@@ -276,10 +276,11 @@ void check_end(const EventsFile& recorded, const std::string& name,
 // Reads and checks the file before any output is opened, so that a refused file overwrites nothing.
 EventsFile read_checked(InputFile file, const Scene& scene, const ObserverOptions& options) {
   const std::string name = file.path().string();
-  EventsFile recorded = read_events(std::move(file), static_cast<int>(scene.model.contacts.size()));
-  refuse_implausible_end(recorded, name, options.duration);
-  const std::size_t before = to_machine_time(scene.clock, recorded);
-  if (before > 0) std::cerr << name << ": " << before_start_text(before, scene.clock) << '\n';
+  std::vector<std::string> problems;
+  EventsFile recorded =
+      read_machine_events(std::move(file), static_cast<int>(scene.model.contacts.size()),
+                          options.duration, scene.clock, problems);
+  for (const std::string& problem : problems) std::cerr << problem << '\n';
   check_end(recorded, name, options);
   return recorded;
 }

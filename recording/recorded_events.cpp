@@ -21,10 +21,8 @@ constexpr double near = 100.0;  // s
 RecordedEvents read_csv(InputFile file, int contacts, double end, const ContactClock& clock) {
   RecordedEvents recorded;
   const std::string name = file.path().string();
-  EventsFile of_file = read_events(std::move(file), contacts);
-  refuse_implausible_end(of_file, name, end);
-  const std::size_t before = to_machine_time(clock, of_file);
-  if (before > 0) recorded.problems.push_back(name + ": " + before_start_text(before, clock));
+  EventsFile of_file =
+      read_machine_events(std::move(file), contacts, end, clock, recorded.problems);
   recorded.events = std::move(of_file.events);
   recorded.gaps = std::move(of_file.gaps);
   const auto at_line = [&](const FileProblem& problem) {
@@ -120,11 +118,18 @@ void refuse_implausible_end(const EventsFile& events, const std::string& file, d
                    " Correct or remove the row" + advice);
 }
 
-std::string before_start_text(std::size_t events, const ContactClock& clock) {
-  std::ostringstream text;
-  text << events << (events == 1 ? " event" : " events")
-       << " before the machine's t = 0, by clock.offset = " << clock.offset << ", left out";
-  return text.str();
+EventsFile read_machine_events(InputFile file, int contacts, double end, const ContactClock& clock,
+                               std::vector<std::string>& problems, const std::string& advice) {
+  const std::string name = file.path().string();
+  EventsFile events = read_events(std::move(file), contacts);
+  refuse_implausible_end(events, name, end, advice);
+  if (const std::size_t before = to_machine_time(clock, events); before > 0) {
+    std::ostringstream text;
+    text << name << ": " << before << (before == 1 ? " event" : " events")
+         << " before the machine's t = 0, by clock.offset = " << clock.offset << ", left out";
+    problems.push_back(text.str());
+  }
+  return events;
 }
 
 RecordedEvents read_recorded_events(const std::filesystem::path& file, int contacts, double end,

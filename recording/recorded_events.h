@@ -28,14 +28,22 @@ struct RecordedEvents {
   std::int64_t sessions = 0;          ///< master sessions in a log; the events are of the last one
 };
 
+/// Remedy for an implausible end besides "correct or remove the row".
+inline constexpr const char* shift_or_end =
+    ", shift all times (import_events --offset), or give --duration, up to which events count";
+
 /// Throws InputError if the end of a run is undefined because a CSV's last event has an implausible
 /// time. `end` [s] is the end that the user has specified, infinity if none: then a run ends at the
 /// last event. `advice`: remedy besides "correct or remove the row".
 void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
-                            const std::string& advice =
-                                ", shift all times (import_events "
-                                "--offset), or give --duration, up to "
-                                "which events count");
+                            const std::string& advice = shift_or_end);
+
+/// Reads an events CSV and converts its times from `clock` to the machine's time. Adds a line to
+/// `problems` if events before t = 0 are left out. Throws InputError as read_events() and
+/// refuse_implausible_end() do.
+EventsFile read_machine_events(InputFile file, int contacts, double end, const ContactClock& clock,
+                               std::vector<std::string>& problems,
+                               const std::string& advice = shift_or_end);
 
 /// Treatment of the events after lost records of a log.
 enum class AfterLoss { used, dropped };
@@ -51,8 +59,5 @@ RecordedEvents read_recorded_events(const std::filesystem::path& file, int conta
 RecordedEvents read_recorded_events(const std::filesystem::path& file, const Scene& scene,
                                     double end, AfterLoss after_loss, const CommonOptions& common,
                                     nlohmann::ordered_json& report);
-
-/// Text about events of a file before the machine's t = 0.
-std::string before_start_text(std::size_t events, const ContactClock& clock);
 
 }  // namespace sprag

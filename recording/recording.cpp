@@ -53,18 +53,23 @@ std::vector<std::string> RecordedMessages::problems() const {
   return lines;
 }
 
+// The present record without its tag; nullopt, and counted, if the key does not verify it.
+std::optional<std::span<const std::uint8_t>> RecordedMessages::authentic() {
+  const std::span<const std::uint8_t> message(record_.data);
+  if (!*key_) return message;
+  if ((*key_)->verifies(record_.channel, message)) {
+    return message.first(message.size() - Key::tag_size);
+  }
+  ++unauthenticated_;
+  return std::nullopt;
+}
+
 // Takes the present record if it is on SPRAG_INPUT and somebody takes inputs.
 bool RecordedMessages::take_input() {
   if (!on_input_ || record_.channel != input_channel) return false;
-  std::span<const std::uint8_t> message(record_.data);
-  if (*key_) {
-    if (!(*key_)->verifies(record_.channel, message)) {
-      ++unauthenticated_;
-      return true;
-    }
-    message = message.first(message.size() - Key::tag_size);
-  }
-  if (decode(message, input_) == Refusal::none) {
+  const auto message = authentic();
+  if (!message) return true;
+  if (decode(*message, input_) == Refusal::none) {
     on_input_(input_);
   } else {
     ++refused_;
@@ -75,15 +80,9 @@ bool RecordedMessages::take_input() {
 bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
   while (log_.next(record_)) {
     if (take_input() || record_.channel != contacts_channel) continue;
-    std::span<const std::uint8_t> message(record_.data);
-    if (*key_) {
-      if (!(*key_)->verifies(record_.channel, message)) {
-        ++unauthenticated_;
-        continue;
-      }
-      message = message.first(message.size() - Key::tag_size);
-    }
-    if (decode(message, report) != Refusal::none || report.contacts != contacts_) {
+    const auto message = authentic();
+    if (!message) continue;
+    if (decode(*message, report) != Refusal::none || report.contacts != contacts_) {
       ++refused_;
       continue;
     }

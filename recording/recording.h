@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,6 +45,9 @@ class RecordedMessages {
   std::vector<std::string> problems() const;
 
  private:
+  std::optional<std::span<const std::uint8_t>> authentic();
+  bool take_input();
+
   std::string name_;
   ChannelLogReader log_;
   int contacts_;
@@ -51,8 +55,6 @@ class RecordedMessages {
   const std::optional<Key>* key_;
   ChannelRecord record_;
   std::int64_t now_ = 0;  // ns
-  bool take_input();
-
   std::function<void(const InputMessage&)> on_input_;
   InputMessage input_;
   std::int64_t refused_ = 0;

@@ -1,5 +1,5 @@
-// A streamed excitation: master and observer with a bad network between them, for both channels
-// and for each alone, against the replay of a log that has every message.
+// A streamed excitation over a bad network between master and observer. The network harms both
+// channels, or one of them. The live run is compared with the replay of a log without losses.
 #include <algorithm>
 #include <cmath>
 #include <csignal>

@@ -12,6 +12,7 @@
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/master.h"
 #include "tests/support/random.h"
+#include "tests/support/rattle.h"
 
 namespace sprag {
 namespace {
@@ -29,22 +30,7 @@ struct NoisyRattle {
 // A shaken machine between two stops on the frame. The errors of the samples have a standard
 // deviation of `share` of the rms.
 NoisyRattle noisy_rattle(Random& random, Eigen::Index f, double share, double duration) {
-  Scene scene;
-  Model& model = scene.model;
-  model.M = random.positive_definite(f, 0.8, 1.3);
-  model.K = random.positive_definite(f, 15.0, 60.0);
-  model.C = 0.2 * model.M + 0.004 * model.K;
-  Eigen::VectorXd direction = Eigen::VectorXd::Zero(f);
-  direction[0] = 1.0;
-  for (const double side : {1.0, -1.0}) {
-    Contact contact;
-    contact.w = side * direction;
-    contact.clearance = random.uniform(0.04, 0.06);
-    contact.restitution = 0.7;
-    model.contacts.push_back(contact);
-  }
-  scene.truth.start = {Eigen::VectorXd::Zero(f), 0.3 * direction};
-  scene.prior.start = {0.03 * direction, Eigen::VectorXd::Zero(f)};
+  Scene scene = test::rattle(random, f);
   scene.prior.uncertainty = Eigen::VectorXd::Constant(f, 0.2);
   scene.prior.jitter = 1e-5;
 
@@ -59,12 +45,12 @@ NoisyRattle noisy_rattle(Random& random, Eigen::Index f, double share, double du
   for (const double a : clean) noisy.push_back(a + noise * standard_normal(random));
   NoisyRattle trial{scene, scene};
   trial.machine.model.forces.push_back(
-      {direction,
+      {test::across(f),
        0.0,
        {},
        std::make_shared<const SampledInput>(t, clean, SampledInput::Settings{})});
   trial.given.model.forces.push_back(
-      {direction,
+      {test::across(f),
        0.0,
        {},
        std::make_shared<const SampledInput>(t, noisy, SampledInput::Settings{.noise = noise})});

@@ -15,6 +15,7 @@
 #include "sprag/identification.h"
 #include "tests/identification/fitted_unknown.h"
 #include "tests/support/random.h"
+#include "tests/support/rattle.h"
 #include "tests/support/run.h"
 
 namespace sprag {
@@ -38,25 +39,10 @@ SampledInputPointer sampled(double dt, double duration, SampledInput::Settings s
 
 constexpr double duration = 20.0;
 
-Scene rattle(Random& random, Eigen::Index f, bool coupled = false) {
-  Scene scene;
-  Model& model = scene.model;
-  model.M = random.positive_definite(f, 0.8, 1.3);
-  model.K = random.positive_definite(f, 15.0, 60.0);
-  model.C = coupled ? random.positive_definite(f, 0.1, 0.5) : 0.2 * model.M + 0.004 * model.K;
-  Eigen::VectorXd direction = Eigen::VectorXd::Zero(f);
-  direction[0] = 1.0;
-  for (const double side : {1.0, -1.0}) {
-    Contact contact;
-    contact.w = side * direction;
-    contact.clearance = random.uniform(0.04, 0.06);
-    contact.restitution = 0.7;
-    model.contacts.push_back(contact);
-  }
-  scene.truth.start = {Eigen::VectorXd::Zero(f), 0.3 * direction};
-  scene.prior.start = {0.03 * direction, Eigen::VectorXd::Zero(f)};
-  model.forces.push_back(
-      {direction,
+Scene shaken_rattle(Random& random, Eigen::Index f, bool coupled = false) {
+  Scene scene = test::rattle(random, f, coupled);
+  scene.model.forces.push_back(
+      {test::across(f),
        0.0,
        {},
        sampled(1e-3, duration + 1.0,
@@ -86,7 +72,7 @@ TEST(RecordedIdentification, FindsGainAndDelay) {
   Random random(seed);
   constexpr double dt = 0.01;
   for (int i = 0; i < 4; ++i) {
-    const Scene truth = rattle(random, 1 + i % 2, i == 3);
+    const Scene truth = shaken_rattle(random, 1 + i % 2, i == 3);
     const auto events = events_of(truth, 0.0, seed);
     // The record has another gain, and its times lack half a sample.
     const double gain = 1.15, delay = 0.5 * dt;
@@ -124,7 +110,7 @@ TEST_P(InterpolationError, IsPartOfTheDeviations) {
   double squares = 0.0, without = 0.0;
   int values = 0;
   for (int i = 0; i < 8; ++i) {
-    Scene truth = rattle(random, 1 + i % 2);
+    Scene truth = shaken_rattle(random, 1 + i % 2);
     const SampledInputPointer linear = sampled(0.01, duration + 1.0, {.outside = Outside::hold});
     SampledInput::Settings settings_of_spline = linear->settings();
     settings_of_spline.interpolation = Interpolation::spline;
@@ -177,7 +163,7 @@ TEST_P(SampleNoise, IsPartOfTheDeviations) {
   double squares = 0.0;
   int values = 0;
   for (int i = 0; i < 8; ++i) {
-    const Scene truth = rattle(random, 1 + i % 2);
+    const Scene truth = shaken_rattle(random, 1 + i % 2);
     const Scene given = with_input(
         truth,
         *sampled(0.01, duration + 1.0,
@@ -215,7 +201,7 @@ TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
   constexpr std::uint64_t seed = 74;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
-  const Scene truth = rattle(random, 1);
+  const Scene truth = shaken_rattle(random, 1);
   const Scene given = with_input(truth, *sampled(0.02, duration + 1.0, {.outside = Outside::hold}));
   const auto events = events_of(truth, 1e-7, seed);
   IdentificationSettings settings;
@@ -255,7 +241,7 @@ TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
   };
   Random random(seed);
   for (const Eigen::Index f : {1, 2}) {
-    Scene scene = rattle(random, f);
+    Scene scene = shaken_rattle(random, f);
     scene.model.forces.clear();
     scene.frame.emplace();
     scene.frame->influence = Eigen::VectorXd::Ones(f);
@@ -293,7 +279,7 @@ TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
 
 TEST(RecordedIdentification, KeysAndScale) {
   Random random(76);
-  const Scene scene = rattle(random, 1);
+  const Scene scene = shaken_rattle(random, 1);
   // The gain sets the scale, unless a clearance is known.
   const auto has = [](const std::vector<Unknown>& unknowns, const std::string& key) {
     return std::any_of(unknowns.begin(), unknowns.end(),

@@ -178,10 +178,10 @@ class Player {
 
   bool events(InputFile file) {
     const std::string name = options_.file.string();
-    EventsFile recorded = read_events(std::move(file), contacts_);
-    refuse_implausible_end(recorded, name, std::numeric_limits<double>::infinity(), "");
-    const std::size_t before = to_machine_time(clock_, recorded);
-    if (before > 0) std::cerr << name << ": " << before_start_text(before, clock_) << '\n';
+    std::vector<std::string> problems;
+    EventsFile recorded = read_machine_events(
+        std::move(file), contacts_, std::numeric_limits<double>::infinity(), clock_, problems, "");
+    for (const std::string& problem : problems) std::cerr << problem << '\n';
     report_["observed_here"] = true;
     report_["skipped_rows"] = recorded.skipped.size();
     for (const FileProblem& problem : recorded.skipped) {

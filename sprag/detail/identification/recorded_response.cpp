@@ -60,6 +60,14 @@ RecordedResponse::RecordedResponse(const SampledInput& input, bool modal, const 
   }
 }
 
+PolynomialForce RecordedResponse::force(Eigen::Index i, std::size_t k) const {
+  PolynomialForce F{};
+  for (std::size_t order = 0; order < chain; ++order) {
+    F[order] = force_[i] * pieces_[k][order + 2];
+  }
+  return F;
+}
+
 // In extended precision, so that the roundings of many steps do not add up.
 void RecordedResponse::tabulate_modes() {
   const Eigen::Index n = force_.size();
@@ -74,11 +82,7 @@ void RecordedResponse::tabulate_modes() {
     for (Eigen::Index i = 0; i < n; ++i) {
       const auto j = static_cast<std::size_t>(i);
       if (!same) steps[j] = polynomial_step(0.5 * C_(i, 0), K_(i, 0), h);
-      PolynomialForce F{};
-      for (std::size_t order = 0; order < chain; ++order) {
-        F[order] = force_[i] * pieces_[k][order + 2];
-      }
-      steps[j].apply(F, y[j], u[j]);
+      steps[j].apply(force(i, k), y[j], u[j]);
       rows_(i, static_cast<Eigen::Index>(k) + 1) = static_cast<double>(y[j]);
       rows_(n + i, static_cast<Eigen::Index>(k) + 1) = static_cast<double>(u[j]);
     }
@@ -125,11 +129,7 @@ void RecordedResponse::move(std::size_t k, double tau, RecordedMotion& motion) c
     return;
   }
   for (Eigen::Index i = 0; i < n; ++i) {
-    PolynomialForce F{};
-    for (std::size_t order = 0; order < chain; ++order) {
-      F[order] = force_[i] * pieces_[k][order + 2];
-    }
-    move_under_force(0.5 * C_(i, 0), K_(i, 0), F, tau, motion.y[i], motion.u[i]);
+    move_under_force(0.5 * C_(i, 0), K_(i, 0), force(i, k), tau, motion.y[i], motion.u[i]);
   }
 }
 

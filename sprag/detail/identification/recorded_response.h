@@ -37,6 +37,8 @@ class RecordedResponse {
 
  private:
   std::size_t interval(double t) const;
+  /// Force on oscillator i on interval k.
+  PolynomialForce force(Eigen::Index i, std::size_t k) const;
   void tabulate_modes();
   void tabulate_coupled();
   void move(std::size_t k, double tau, RecordedMotion& motion) const;
