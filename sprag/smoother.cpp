@@ -166,6 +166,58 @@ const FilterBelief& at(const Chain& chain, double t) {
   return chain.beliefs[static_cast<std::size_t>(later - chain.begins.begin()) - 1];
 }
 
+// Moves an estimator through the ticks of a recorded run.
+struct RecordedRun {
+  const Scene& scene;
+  std::span<const ContactEvent> events;
+  double h;              // step in s
+  std::size_t next = 0;  // first event that no tick has taken
+
+  std::span<const ContactEvent> events_at(std::int64_t k) {
+    const std::size_t first = next;
+    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
+    return events.subspan(first, next - first);
+  }
+
+  void advance(TrackingEstimator& estimator, std::int64_t k, TrackingState& state) {
+    check_interrupt();
+    if (k == 0) {
+      estimator.start(scene.prior.start, 0, 0, state);
+      estimator.apply(events_at(0), state);
+    } else {
+      estimator.tick(events_at(k), state);
+    }
+  }
+};
+
+// Runs the estimator forward and smooths each of its filter's runs.
+std::vector<Chain> chains_of(TrackingEstimator& estimator, RecordedRun recorded,
+                             std::int64_t last) {
+  std::vector<TrackingEstimator::FilterRun> runs;
+  estimator.record_runs(&runs);
+  std::vector<bool> confirmed;  // per run: the track was confirmed
+  TrackingState state;
+  for (std::int64_t k = 0; k <= last; ++k) {
+    recorded.advance(estimator, k, state);
+    confirmed.resize(runs.size(), false);
+    if (state.track.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
+  }
+  std::vector<Chain> chains;
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    check_interrupt();
+    // A run whose track was never confirmed claims no estimate.
+    runs[i].failed = runs[i].failed || !confirmed[i];
+    chains.push_back(smoothed(estimator.filter()->filter, runs[i]));
+  }
+  return chains;
+}
+
+std::size_t events_between(std::span<const ContactEvent> events, double from, double to) {
+  return static_cast<std::size_t>(
+      std::count_if(events.begin(), events.end(),
+                    [&](const ContactEvent& event) { return event.t >= from && event.t <= to; }));
+}
+
 }  // namespace
 
 std::vector<SmoothedStretch> smooth(
@@ -182,53 +234,20 @@ std::vector<SmoothedStretch> smooth(
   Scene scene = given;
   scene.prior.parameters.consider.assign(scene.prior.parameters.consider.size(), false);
   const auto f = scene.model.coordinates();
-  const auto events_at = [&](std::int64_t k, std::size_t& next) {
-    const std::size_t first = next;
-    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
-    return events.subspan(first, next - first);
-  };
-  // Forward pass, which finds the runs of the filter.
-  TrackingEstimator estimator(scene, h, EstimatorKind::both);
-  std::vector<TrackingEstimator::FilterRun> runs;
-  estimator.record_runs(&runs);
-  std::vector<bool> confirmed;  // per run: the track was confirmed
-  TrackingState state;
-  std::size_t next = 0;
-  const auto advance = [&](TrackingEstimator& of, std::int64_t k, TrackingState& to) {
-    if (k == 0) {
-      of.start(scene.prior.start, 0, 0, to);
-      of.apply(events_at(0, next), to);
-    } else {
-      of.tick(events_at(k, next), to);
-    }
-  };
-  for (std::int64_t k = 0; k <= last; ++k) {
-    check_interrupt();
-    advance(estimator, k, state);
-    confirmed.resize(runs.size(), false);
-    if (state.track.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
-  }
-  // Smoothing of each run.
-  std::vector<Chain> chains;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    check_interrupt();
-    // A run whose track was never confirmed claims no estimate.
-    runs[i].failed = runs[i].failed || !confirmed[i];
-    chains.push_back(smoothed(estimator.filter()->filter, runs[i]));
-  }
-  std::vector<SmoothedStretch> stretches;
+  RecordedRun recorded{scene, events, h};
+  TrackingEstimator forward_pass(scene, h, EstimatorKind::both);
+  const std::vector<Chain> chains = chains_of(forward_pass, recorded, last);
   // Second forward pass: its estimate applies between chains.
   TrackingEstimator again(scene, h, EstimatorKind::both);
   TrackingState at_tick;  // state of `again`, which must outlive it
-  next = 0;
   Confidence confidence = again.no_confidence();
   SmoothedEstimate estimate;
   estimate.q.setZero(f);
   estimate.u.setZero(f);
+  std::vector<SmoothedStretch> stretches;
   std::size_t chain = 0;
   for (std::int64_t k = 0; k <= last; ++k) {
-    check_interrupt();
-    advance(again, k, at_tick);
+    recorded.advance(again, k, at_tick);
     const double t = tick_instant(k, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
     const bool smooth = at_tick.track.status != TrackStatus::lost && !chains.empty() &&
@@ -253,10 +272,7 @@ std::vector<SmoothedStretch> smooth(
     take(k, estimate, smooth);
   }
   for (SmoothedStretch& stretch : stretches) {
-    stretch.events = static_cast<std::size_t>(
-        std::count_if(events.begin(), events.end(), [&](const ContactEvent& event) {
-          return event.t >= stretch.from && event.t <= stretch.to;
-        }));
+    stretch.events = events_between(events, stretch.from, stretch.to);
   }
   return stretches;
 }

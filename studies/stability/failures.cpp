@@ -90,6 +90,100 @@ void synchronize(const Model& model, const State& master_start, const State& rep
   }
 }
 
+// A free motion of three modes whose gap falls below zero for a short time within 0..T.
+class Touch {
+ public:
+  static constexpr double T = 1.0;
+
+  explicit Touch(std::mt19937_64& random)
+      : model_(drawn_model(random)), dynamics_(model_), flow_(dynamics_, 0), gap_(flow_.gap(0)) {
+    Eigen::Vector3d q, u;
+    for (int i = 0; i < 3; ++i) {
+      q[i] = uniform(random, -1.0, 1.0);
+      u[i] = uniform(random, -6.0, 6.0);
+    }
+    flow_.enter(q, u, at(0.0), Eigen::VectorXd(0), start_);
+    if (!find_lowest()) return;
+    const double depth = std::pow(10.0, uniform(random, -9.0, -2.0));
+    gap_.constant -= gap(lowest_) + depth;
+    touches_ = value(gap_, start_) > 0.0;
+  }
+  Touch(const Touch&) = delete;
+
+  bool touches() const { return touches_; }
+
+  bool missed_by_search() const {
+    EventSearch search;
+    const Watch watch{&gap_, 1.0, 0, 0};
+    search.begin(start_, {&watch, 1});
+    search.advance(T);
+    return !search.found() || search.tau() > lowest_;
+  }
+
+  bool missed_by_ticks(double h) {
+    // The contact is shorter than 0.1, so that only ticks around its middle can detect it.
+    const auto middle = static_cast<int>(lowest_ / h);
+    const auto around = static_cast<int>(0.1 / h) + 1;
+    for (int d = 0; d <= around; ++d) {
+      for (const int k : {middle - d, middle + 1 + d}) {
+        const double tick = k * h;
+        if (k >= 0 && tick <= T && gap(tick) < 0.0) return false;
+      }
+    }
+    return true;
+  }
+
+ private:
+  static Model drawn_model(std::mt19937_64& random) {
+    Model model;
+    model.M = Eigen::MatrixXd::Identity(3, 3);
+    model.C = 0.1 * Eigen::MatrixXd::Identity(3, 3);
+    Eigen::Vector3d kappa;
+    for (double& k : kappa) k = std::pow(2.0 * std::numbers::pi * uniform(random, 0.5, 3.0), 2);
+    model.K = kappa.asDiagonal();
+    Contact contact;
+    contact.w = Eigen::Vector3d(1.0, uniform(random, -1.0, 1.0), uniform(random, -1.0, 1.0));
+    model.contacts.push_back(contact);
+    return model;
+  }
+
+  double gap(double t) {
+    flow_.propagate(start_, at(t), here_);
+    return value(gap_, here_);
+  }
+
+  // The deepest minimum inside (0, T), to rounding accuracy.
+  bool find_lowest() {
+    constexpr int samples = 400;
+    double lowest = gap(0.0);
+    double at_lowest = 0.0;
+    for (int k = 1; k <= samples; ++k) {
+      const double gap_k = gap(T * k / samples);
+      if (gap_k < lowest) {
+        lowest = gap_k;
+        at_lowest = T * k / samples;
+      }
+    }
+    if (at_lowest == 0.0 || at_lowest == T) return false;
+    lowest_ = at_lowest - T / samples;
+    double high = at_lowest + T / samples;
+    for (int i = 0; i < 60; ++i) {
+      const double middle = 0.5 * (lowest_ + high);
+      (void)gap(middle);
+      (rate(gap_, here_) < 0.0 ? lowest_ : high) = middle;
+    }
+    return true;
+  }
+
+  Model model_;
+  Dynamics dynamics_;
+  Flow flow_;
+  Signal gap_;
+  Motion start_, here_;
+  double lowest_ = 0.0;
+  bool touches_ = false;
+};
+
 }  // namespace
 
 std::vector<Curve> newton_after_a_closed_clutch() {
@@ -206,77 +300,18 @@ std::vector<Curve> event_storm(int limit) {
 }
 
 std::vector<Curve> missed_touches(int scenes) {
-  constexpr double T = 1.0;
-  constexpr int samples = 400;
   const std::vector<double> ticks{1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 1e-1};
   std::vector<int> missed(ticks.size(), 0);
   int missed_by_search = 0;
   int touches = 0;
   std::mt19937_64 random(868);
   for (int scene = 0; scene < scenes; ++scene) {
-    Model model;
-    model.M = Eigen::MatrixXd::Identity(3, 3);
-    model.C = 0.1 * Eigen::MatrixXd::Identity(3, 3);
-    Eigen::Vector3d kappa;
-    for (double& k : kappa) k = std::pow(2.0 * std::numbers::pi * uniform(random, 0.5, 3.0), 2);
-    model.K = kappa.asDiagonal();
-    Contact contact;
-    contact.w = Eigen::Vector3d(1.0, uniform(random, -1.0, 1.0), uniform(random, -1.0, 1.0));
-    model.contacts.push_back(contact);
-    const Dynamics dynamics(model);
-    const Flow flow(dynamics, 0);
-    Eigen::Vector3d q, u;
-    for (int i = 0; i < 3; ++i) {
-      q[i] = uniform(random, -1.0, 1.0);
-      u[i] = uniform(random, -6.0, 6.0);
-    }
-    Motion start;
-    Motion here;
-    flow.enter(q, u, at(0.0), Eigen::VectorXd(0), start);
-    Signal signal = flow.gap(0);
-    const auto phi = [&](double t) {
-      flow.propagate(start, at(t), here);
-      return value(signal, here);
-    };
-    // The deepest minimum inside (0, T), to rounding accuracy.
-    double lowest = phi(0.0);
-    double at_lowest = 0.0;
-    for (int k = 1; k <= samples; ++k) {
-      const double value_k = phi(T * k / samples);
-      if (value_k < lowest) {
-        lowest = value_k;
-        at_lowest = T * k / samples;
-      }
-    }
-    if (at_lowest == 0.0 || at_lowest == T) continue;
-    double low = at_lowest - T / samples;
-    double high = at_lowest + T / samples;
-    for (int i = 0; i < 60; ++i) {
-      const double middle = 0.5 * (low + high);
-      (void)phi(middle);
-      (rate(signal, here) < 0.0 ? low : high) = middle;
-    }
-    const double depth = std::pow(10.0, uniform(random, -9.0, -2.0));
-    signal.constant -= phi(low) + depth;
-    if (value(signal, start) <= 0.0) continue;
+    Touch touch(random);
+    if (!touch.touches()) continue;
     ++touches;
-    EventSearch search;
-    const Watch watch{&signal, 1.0, 0, 0};
-    search.begin(start, {&watch, 1});
-    search.advance(T);
-    if (!search.found() || search.tau() > low) ++missed_by_search;
+    if (touch.missed_by_search()) ++missed_by_search;
     for (std::size_t j = 0; j < ticks.size(); ++j) {
-      bool seen = false;
-      // The contact is shorter than 0.1, so that only ticks around its middle can detect it.
-      const auto middle = static_cast<int>(low / ticks[j]);
-      const auto around = static_cast<int>(0.1 / ticks[j]) + 1;
-      for (int d = 0; d <= around && !seen; ++d) {
-        for (const int k : {middle - d, middle + 1 + d}) {
-          const double tick = k * ticks[j];
-          seen = seen || (k >= 0 && tick <= T && phi(tick) < 0.0);
-        }
-      }
-      if (!seen) ++missed[j];
+      if (touch.missed_by_ticks(ticks[j])) ++missed[j];
     }
   }
   Curve sampled{"sign check at the ticks", {}, {}};

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/detail/mechanics/scalars.h"
+
 namespace sprag {
 namespace {
 
@@ -165,6 +167,87 @@ Solved solve_lcp(const ContactMatrix& A, const ContactVector& b, ContactVector& 
   return Solved::dependent;
 }
 
+namespace {
+
+// State of the active-set method of solve_semidefinite_lcp.
+struct ActiveSet {
+  const ContactMatrix& A;
+  const ContactVector& b;
+  ContactVector& x;
+  Basis basic{};
+  ContactVector target;  // solution of the basic rows
+
+  int size() const { return static_cast<int>(b.size()); }
+
+  // Row that enters the basic set: the one with the most negative y or, late, the one of least
+  // index, since the steepest descent may cycle. -1 if there is none.
+  int entering(const ContactVector& noise, ContactSet unsatisfied, bool steepest,
+               ContactVector& y) const {
+    y = b + A * x;
+    int found = -1;
+    for (int i = 0; i < size(); ++i) {
+      const double tolerance = 16.0 * std::numeric_limits<double>::epsilon() *
+                               (std::abs(b[i]) + A.row(i).cwiseAbs().dot(x));
+      if (basic[index(i)]) {
+        y[i] = 0.0;
+      } else if (!contains(unsatisfied, i) && y[i] < -std::max(tolerance, noise[i]) &&
+                 (found < 0 || (steepest && y[i] < y[found]))) {
+        found = i;
+      }
+    }
+    return found;
+  }
+
+  // Replaces a basic row by the entering row, which depends on the basic ones. Sets `blocked` to
+  // false if no x satisfies the entering row.
+  Solved replace(int entering, bool& blocked) {
+    basic[index(entering)] = false;
+    ContactVector column = A.col(entering);
+    if (solve_basic(A, column, basic, target) != Solved::yes) return Solved::dependent;
+    int leaving = -1;
+    double length = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < size(); ++i) {
+      if (!basic[index(i)] || !(target[i] < 0.0) || !(x[i] / -target[i] < length)) continue;
+      length = x[i] / -target[i];
+      leaving = i;
+    }
+    blocked = leaving >= 0;
+    if (!blocked) return Solved::yes;
+    x += length * target;
+    x[entering] = length;
+    x[leaving] = 0.0;
+    basic[index(leaving)] = false;
+    basic[index(entering)] = true;
+    return solve_basic(A, b, basic, target);
+  }
+
+  // Moves x to the target. A basic row whose x falls to zero on the way leaves the basic set.
+  Solved move_to_target() {
+    for (int exchange = 0; exchange < size(); ++exchange) {
+      double length = 1.0;
+      for (int i = 0; i < size(); ++i) {
+        if (basic[index(i)] && target[i] <= 0.0) {
+          length = std::min(length, x[i] / (x[i] - target[i]));
+        }
+      }
+      if (length == 1.0) break;
+      for (int i = 0; i < size(); ++i) {
+        if (!basic[index(i)]) continue;
+        const bool leaves = target[i] <= 0.0 && x[i] / (x[i] - target[i]) <= length;
+        x[i] += length * (target[i] - x[i]);
+        if (!leaves) continue;
+        x[i] = 0.0;
+        basic[index(i)] = false;
+      }
+      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
+    }
+    x = target;
+    return Solved::yes;
+  }
+};
+
+}  // namespace
+
 Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
                               const ContactVector& noise, ContactVector& x, ContactVector& y,
                               ContactSet& unsatisfied) {
@@ -176,73 +259,25 @@ Solved solve_semidefinite_lcp(const ContactMatrix& A, const ContactVector& b,
   // entering row.
   const auto n = static_cast<int>(b.size());
   x.setZero(n);
-  Basis basic{};
-  const auto k = [](int i) { return static_cast<std::size_t>(i); };
-  ContactVector target(n);
+  ActiveSet set{A, b, x, {}, ContactVector(n)};
   for (int step = 0; step < max_exchanges; ++step) {
-    y = b + A * x;
-    int entering = -1;
-    for (int i = 0; i < n; ++i) {
-      const double tolerance = 16.0 * std::numeric_limits<double>::epsilon() *
-                               (std::abs(b[i]) + A.row(i).cwiseAbs().dot(x));
-      if (basic[k(i)]) {
-        y[i] = 0.0;
-      } else if (!contains(unsatisfied, i) && y[i] < -std::max(tolerance, noise[i]) &&
-                 (entering < 0 || y[i] < y[entering]) &&
-                 // The steepest-descent rule may cycle; the least-index rule is finite.
-                 (entering < 0 || step < max_exchanges / 2)) {
-        entering = i;
-      }
-    }
+    const int entering = set.entering(noise, unsatisfied, step < max_exchanges / 2, y);
     if (entering < 0) {
       for (int i = 0; i < n; ++i) {
         if (!contains(unsatisfied, i)) y[i] = std::max(y[i], 0.0);
       }
       return Solved::yes;
     }
-    basic[k(entering)] = true;
-    if (solve_basic(A, b, basic, target) != Solved::yes) {
-      basic[k(entering)] = false;
-      ContactVector column = A.col(entering);
-      if (solve_basic(A, column, basic, target) != Solved::yes) return Solved::dependent;
-      int leaving = -1;
-      double length = std::numeric_limits<double>::infinity();
-      for (int i = 0; i < n; ++i) {
-        if (!basic[k(i)] || !(target[i] < 0.0) || !(x[i] / -target[i] < length)) continue;
-        length = x[i] / -target[i];
-        leaving = i;
-      }
-      if (leaving < 0) {
+    set.basic[index(entering)] = true;
+    if (solve_basic(A, b, set.basic, set.target) != Solved::yes) {
+      bool blocked = true;
+      if (set.replace(entering, blocked) != Solved::yes) return Solved::dependent;
+      if (!blocked) {
         unsatisfied |= bit(entering);
         continue;
       }
-      x += length * target;
-      x[entering] = length;
-      x[leaving] = 0.0;
-      basic[k(leaving)] = false;
-      basic[k(entering)] = true;
-      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
     }
-    // Moves x to the target. A basic row whose x falls to zero on the way leaves the basic set.
-    for (int exchange = 0; exchange < n; ++exchange) {
-      double length = 1.0;
-      for (int i = 0; i < n; ++i) {
-        if (basic[k(i)] && target[i] <= 0.0) {
-          length = std::min(length, x[i] / (x[i] - target[i]));
-        }
-      }
-      if (length == 1.0) break;
-      for (int i = 0; i < n; ++i) {
-        if (!basic[k(i)]) continue;
-        const bool leaves = target[i] <= 0.0 && x[i] / (x[i] - target[i]) <= length;
-        x[i] += length * (target[i] - x[i]);
-        if (!leaves) continue;
-        x[i] = 0.0;
-        basic[k(i)] = false;
-      }
-      if (solve_basic(A, b, basic, target) != Solved::yes) return Solved::dependent;
-    }
-    x = target;
+    if (set.move_to_target() != Solved::yes) return Solved::dependent;
   }
   return Solved::dependent;
 }

@@ -20,6 +20,8 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "studies/work_precision/machine.h"
@@ -176,13 +178,26 @@ void run_events(const Task& task, ContactPhases& phases, Integrator& integrator,
       signals[static_cast<std::size_t>(i)] = phases.signal(i, t, x.data());
     }
   };
-  const auto crossing = [&](int i, double t_0, double t_1) {
-    const auto phi = [&](double t) {
-      integrator.interpolate(t, scratch.data());
-      return phases.signal(i, t, scratch.data());
-    };
-    const auto k = static_cast<std::size_t>(i);
-    return locate(phi, t_0, before[k], t_1, after[k]);
+  // The first zero of the signals in (t, end], or `end`, and the signals that are zero there.
+  const auto first_zero = [&](double t, double end) {
+    std::pair<double, ContactSet> first{end, 0};
+    auto& [event, fired] = first;
+    for (int i = 0; i < m; ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      if (after[k] > 0.0) continue;
+      const auto phi = [&](double at) {
+        integrator.interpolate(at, scratch.data());
+        return phases.signal(i, at, scratch.data());
+      };
+      const double zero = locate(phi, t, before[k], end, after[k]);
+      // Events that are simultaneous within rounding are treated as one event.
+      if (zero < event - 2.0 * epsilon * event) {
+        first = {zero, bit(i)};
+      } else if (zero <= event + 2.0 * epsilon * event) {
+        fired |= bit(i);
+      }
+    }
+    return first;
   };
 
   for (Eigen::Index i = 0; i < phases.f(); ++i) {
@@ -206,19 +221,7 @@ void run_events(const Task& task, ContactPhases& phases, Integrator& integrator,
       }
       ContactSet fired = end == reached ? integrator.fired() : 0;
       double event = end;
-      if (fired == 0) {
-        for (int i = 0; i < m; ++i) {
-          if (after[static_cast<std::size_t>(i)] > 0.0) continue;
-          const double zero = crossing(i, t, end);
-          // Events that are simultaneous within rounding are treated as one event.
-          if (zero < event - 2.0 * epsilon * event) {
-            event = zero;
-            fired = bit(i);
-          } else if (zero <= event + 2.0 * epsilon * event) {
-            fired |= bit(i);
-          }
-        }
-      }
+      if (fired == 0) std::tie(event, fired) = first_zero(t, end);
       for (; sample < samples && task.sample_time(sample) < event; ++sample) {
         integrator.interpolate(task.sample_time(sample), scratch.data());
         record(sample);

@@ -46,6 +46,32 @@ struct Response {
 // Symmetric up to terms of higher order in h, which vanish if M, C and K share their modes.
 Eigen::MatrixXd symmetric(const Eigen::MatrixXd& A) { return 0.5 * (A + A.transpose()); }
 
+// Constant matrices of a step: of its linear equation S v' = r, and the responses to multipliers.
+struct StepMatrices {
+  StepMatrices(const Machine& machine, double u_of_a, double q_of_a) {
+    const Model& model = machine.model();
+    const Eigen::MatrixXd S = model.M + kappa * (u_of_a * model.C + q_of_a * model.K);
+    const Eigen::LLT<Eigen::MatrixXd> factor(S);
+    Sinv = factor.solve(Eigen::MatrixXd::Identity(machine.f(), machine.f()));
+    sinv = Sinv.diagonal();
+    c = model.C.diagonal();
+    k = model.K.diagonal();
+    position.rate = -factor.solve(model.K * machine.MinvW());
+    velocity.rate = -factor.solve(model.C * machine.MinvW());
+    for (Response* response : {&position, &velocity}) {
+      response->q = kappa * q_of_a * response->rate;
+      response->u = kappa * u_of_a * response->rate;
+    }
+    position.q += machine.MinvW();
+    velocity.u += machine.MinvW();
+    G_position = symmetric(machine.W().transpose() * position.q);
+  }
+
+  Eigen::MatrixXd Sinv, G_position;
+  Eigen::VectorXd sinv, c, k;  // diagonals
+  Response position, velocity;
+};
+
 void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
   if (starts_inside(task)) {
     outcome.failure = "starts inside a contact";
@@ -62,22 +88,9 @@ void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
 
   const double u_of_a = h * gamma_;
   const double q_of_a = h * h * beta;
-  const Eigen::MatrixXd S = model.M + kappa * (u_of_a * model.C + q_of_a * model.K);
-  const Eigen::LLT<Eigen::MatrixXd> factor(S);
-  const Eigen::MatrixXd Sinv = factor.solve(Eigen::MatrixXd::Identity(f, f));
-  const Eigen::VectorXd sinv = Sinv.diagonal();
-  const Eigen::VectorXd c = model.C.diagonal();
-  const Eigen::VectorXd k_ = model.K.diagonal();
-  Response position, velocity;
-  position.rate = -factor.solve(model.K * machine.MinvW());
-  velocity.rate = -factor.solve(model.C * machine.MinvW());
-  for (Response* response : {&position, &velocity}) {
-    response->q = kappa * q_of_a * response->rate;
-    response->u = kappa * u_of_a * response->rate;
-  }
-  position.q += machine.MinvW();
-  velocity.u += machine.MinvW();
-  const Eigen::MatrixXd G_position = symmetric(W.transpose() * position.q);
+  const StepMatrices step(machine, u_of_a, q_of_a);
+  const Response& position = step.position;
+  const Response& velocity = step.velocity;
   StepImpact impact(model, symmetric(W.transpose() * velocity.u));
   const Drive drive(excitation.constant(), excitation.force());
 
@@ -100,12 +113,12 @@ void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
     }
     if (diagonal) {
       for (Eigen::Index i = 0; i < f; ++i) {
-        rate[i] = sinv[i] * (force[i] - c[i] * u[i] - k_[i] * q[i]);
+        rate[i] = step.sinv[i] * (force[i] - step.c[i] * u[i] - step.k[i] * q[i]);
       }
     } else {
       force.noalias() -= model.C * u;
       force.noalias() -= model.K * q;
-      rate.noalias() = Sinv * force;
+      rate.noalias() = step.Sinv * force;
     }
     for (Eigen::Index i = 0; i < f; ++i) {
       q[i] += kappa * q_of_a * rate[i];
@@ -118,7 +131,7 @@ void step_by_generalized_alpha(const Task& task, double h, Outcome& outcome) {
     }
     ContactSet pushed = 0;
     if (violated) {
-      const ContactSet active = complementarity(G_position, bit(m) - 1, g, nu);
+      const ContactSet active = complementarity(step.G_position, bit(m) - 1, g, nu);
       for_each(active, [&](int i) { position.apply(i, nu[i], q.data(), u.data(), rate.data()); });
       const double t_before = static_cast<double>(k - 1) * h;
       for_each(active, [&](int i) {
