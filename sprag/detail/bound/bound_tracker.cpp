@@ -455,7 +455,8 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
     }
   }
   // Rounding of the replica's state. The root of its energy grows by the forces alone.
-  const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * (t - W_t_);
+  const double since_event = std::max(t - since_, 0.0) + 2.0 * tolerance_.time;
+  const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * since_event;
   return square(out_ * (b + state_rounding * (b + moving)));
 }
 
