@@ -81,14 +81,13 @@ void Estimation::name_known_loss(Confidence& confidence) const {
   if (last.known_loss) last.suspicion = Suspicion::missing_event;
 }
 
-void Estimation::describe(const State& state, EstimateSample& sample) {
+void Estimation::describe(const State& state, bool settled, EstimateSample& sample) {
   note(state, sample);
   estimator.output(state, sample.q, sample.u);
   const bool complete = time_line.complete_to(sample.t);
   estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
                        sample.confidence);
   if (guarantee) {
-    const bool settled = state.tick <= time_line.settled_tick();
     guarantee->complete(time_line, sample.t, settled, estimator, state, sample.q, sample.u,
                         sample.confidence);
   }

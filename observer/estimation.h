@@ -31,8 +31,9 @@ struct Estimation {
 
   /// Fills `sample` from a tick, except session, settled tick and time of sending. describe() fills
   /// everything; note() omits q, u, standard deviations and bound and is cheap. They do not
-  /// allocate.
-  void describe(const State& state, EstimateSample& sample);
+  /// allocate. `settled`: the tick is handed out as final; these ticks come in order. A guarantee
+  /// covers settled ticks only.
+  void describe(const State& state, bool settled, EstimateSample& sample);
   /// Updates the guarantee at a settled tick for which only note() is called. Ticks come in order.
   void pass(const State& state);
   void note(const State& state, EstimateSample& sample) const;

@@ -325,7 +325,7 @@ bool RealTimeLoop::send(bool settled, const State& state) {
   Sample* slot = outbox_.samples.free_slot();
   if (slot == nullptr) return false;
   slot->settled = settled;
-  estimation_.describe(state, slot->estimate);
+  estimation_.describe(state, settled, slot->estimate);
   slot->estimate.session = sessions_.session();
   slot->estimate.settled_tick =
       std::max<std::int64_t>(settled ? state.tick : time_line_.handed_out(), -1);

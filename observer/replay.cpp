@@ -222,7 +222,7 @@ class Replay {
     impacts_.clear();
     identify(state);
     if (settled_.writes_states()) {
-      estimation_.describe(state, sample_);
+      estimation_.describe(state, true, sample_);
       settled_.take(sample_);
     } else {
       estimation_.pass(state);
@@ -238,7 +238,7 @@ class Replay {
   }
 
   void conclude(const Estimation::State& state) {
-    estimation_.describe(state, sample_);
+    estimation_.describe(state, state.tick <= time_line_.settled_tick(), sample_);
     settled_.conclude(sample_);
   }
 

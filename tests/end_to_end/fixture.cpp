@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <csignal>
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 #include <map>
+#include <sstream>
 #include <thread>
 
 #include "sprag/detail/files/csv.h"
@@ -72,6 +74,24 @@ std::vector<StateLine> read_states_file(const std::filesystem::path& file) {
   EXPECT_FALSE(reader.damage()) << file << ':' << reader.damage()->line << ": "
                                 << reader.damage()->what;
   return rows;
+}
+
+std::vector<double> read_column(const std::filesystem::path& file, const std::string& name) {
+  std::istringstream lines(read_text(file));
+  std::string line, cell;
+  std::getline(lines, line);
+  std::size_t column = 0;
+  std::istringstream header(line);
+  while (std::getline(header, cell, ',') && cell != name) ++column;
+  EXPECT_EQ(cell, name) << file;
+  std::vector<double> values;
+  while (cell == name && std::getline(lines, line)) {
+    std::istringstream row(line);
+    std::string value;
+    for (std::size_t i = 0; i <= column; ++i) std::getline(row, value, ',');
+    values.push_back(std::strtod(value.c_str(), nullptr));
+  }
+  return values;
 }
 
 std::size_t count_rows(const std::filesystem::path& file) {

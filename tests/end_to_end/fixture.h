@@ -51,6 +51,9 @@ std::vector<SyncLine> read_sync(const std::filesystem::path& file);
 /// Rows of a states CSV; fails the test if the file is damaged.
 std::vector<StateLine> read_states_file(const std::filesystem::path& file);
 
+/// A column of a CSV by its name in the header; fails the test if there is none.
+std::vector<double> read_column(const std::filesystem::path& file, const std::string& name);
+
 /// Rows of an events CSV, without the header; a pulse has two.
 std::size_t count_rows(const std::filesystem::path& file);
 

@@ -150,6 +150,19 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfBothEqualTheReplayBitForBitThroughChatt
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {});
 }
 
+// The bound under tolerances is computed with the settled ticks. Estimates of the present that are
+// published earlier must not affect it.
+TEST_F(LiveAndOfflineTest, BoundUnderTolerancesEqualsTheReplayBitForBitThroughChatter) {
+  const std::string machine =
+      write_text(file("tolerant.toml"),
+                 read_text(scene("paper_beam_chatter")) + "\n[tolerance]\ntime = 1e-6\n");
+  for (const char* estimator : {"replica", "both"}) {
+    expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", estimator}, machine);
+    const std::vector<double> B = read_column(file("live.csv"), "B");
+    EXPECT_EQ(std::ranges::count_if(B, [](double b) { return std::isinf(b); }), 1) << estimator;
+  }
+}
+
 // The same for the table of impacts; every row is also on the bus.
 TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
   std::string wrong = read_text(scene("paper_beam"));

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <iostream>
 
@@ -157,6 +158,35 @@ TEST_F(BlackoutTest, IsReportedAndObserverConvergesAgain) {
             << ", at the end " << rows.back().v << '\n';
   EXPECT_GT(rows[after].v, 1e-6);
   EXPECT_LT(rows.back().v, 1e-2 * rows[after].v);
+}
+
+// The same outage under tolerances: B stays finite and above V, and falls again.
+TEST_F(BlackoutTest, BoundUnderTolerancesIsFiniteInAndAfterTheGap) {
+  const std::string machine =
+      write_text(file("tolerant.toml"),
+                 read_text(scene("paper_beam_chatter")) + "\n[tolerance]\ntime = 1e-6\n");
+  run_through({"--outages", "1", "--every", "1.5", "--outage", "1.2"},
+              {machine, "--duration", "180", "--tick", "0.015625"}, {"--estimator", "replica"},
+              {"--speed", "40"});
+  const nlohmann::json report = json("o.json");
+  ASSERT_EQ(report["degraded"].size(), 1U);
+  const double from = report["degraded"][0]["from"];
+  const double to = report["degraded"][0]["to"];
+  const std::vector<SyncLine> rows = error_energy(machine);
+  const std::vector<double> B = read_column(file("live.csv"), "B");
+  ASSERT_EQ(rows.size(), B.size());
+  double before = 0.0, restart = 0.0;
+  for (std::size_t k = 0; k + 1 < B.size(); ++k) {
+    ASSERT_TRUE(std::isfinite(B[k])) << rows[k].t;
+    ASSERT_LE(rows[k].v, B[k]) << rows[k].t;
+    if (rows[k].t < from) before = B[k];
+    if (rows[k].t <= to) restart = B[k];
+  }
+  const double last = B[B.size() - 2];
+  std::cout << "B " << before << " before the gap from " << from << " to " << to << ", " << restart
+            << " at its end, " << last << " at the end\n";
+  EXPECT_GT(restart, 100.0 * before);
+  EXPECT_LT(last, restart);
 }
 
 /// Two hosts joined by a cable; the destructor removes them.

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <numbers>
@@ -505,6 +506,50 @@ TEST_F(CheckSceneProgram, JsonHasTheExactNumbers) {
     EXPECT_EQ(report["exit"], ended.code);
     EXPECT_EQ(report["findings"], json["findings"]);
   }
+}
+
+// The largest expected bound as a length, or why there is none, in words and in JSON.
+TEST_F(CheckSceneProgram, GuaranteedLengthsAreStatedOrRefused) {
+  constexpr const char* tolerance = "\n[tolerance]\ntime = 1e-4\n";
+  const std::string rig = test::read_text(shipped("lab_rig"));
+  const auto with = [&](const std::string& name, const std::string& is, const std::string& given) {
+    std::string text = rig;
+    const std::size_t at = text.find(is);
+    EXPECT_NE(at, std::string::npos) << is;
+    return test::write_text(directory_ / name, text.replace(at, is.size(), given) + tolerance)
+        .string();
+  };
+  const auto words = [&](const std::string& file) {
+    std::string text = run({file}).out;
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    return text;
+  };
+  const std::string usual = with("usual.toml", "[replica]", "[replica]");
+  EXPECT_TRUE(says(words(usual), "guaranteed for event times to 0.1 ms: gap 1 within "))
+      << words(usual);
+  EXPECT_TRUE(says(words(usual), "; after a gap in the events V below ")) << words(usual);
+  const auto json = nlohmann::json::parse(run({usual, "--json"}).out)["guaranteed"];
+  const double width = json["half_widths"]["gap 1"];
+  EXPECT_GT(width, 1e-5);
+  EXPECT_LT(width, 1e-3);
+  EXPECT_GT(json["bound_after_gap"].get<double>(), json["bound"].get<double>());
+
+  const std::string damped = "C = [[3.6, -1.2], [-1.2, 1.2]]";
+  const std::string held = "K = [[1800.0, -600.0], [-600.0, 600.0]]";
+  for (const std::string& file :
+       {with("undamped.toml", damped, "C = [[0.0, 0.0], [0.0, 0.0]]"),
+        with("free.toml", held, "K = [[600.0, -600.0], [-600.0, 600.0]]")}) {
+    EXPECT_TRUE(says(words(file),
+                     "not guaranteed: replica.uncertainty is not given, and C or K is singular"))
+        << words(file);
+  }
+  std::string text = test::read_text(directory_ / "free.toml");
+  text.replace(text.find("[replica]"), 9, "[replica]\nuncertainty = 1.0");
+  const std::string known = test::write_text(directory_ / "known.toml", text);
+  EXPECT_TRUE(says(words(known), "; no length for gap 1, which no spring holds;")) << words(known);
+  EXPECT_TRUE(
+      says(words(known), "after a gap in the events B is infinite, since C or K is singular"))
+      << words(known);
 }
 
 TEST_F(CheckSceneProgram, UncertainParametersAreListed) {

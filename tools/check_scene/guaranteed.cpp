@@ -20,7 +20,9 @@ constexpr int most_doublings = 8;
 
 std::string with_unit(double value, double scale, const char* unit) {
   char number[48];
-  std::snprintf(number, sizeof number, "%.2g", value * scale);
+  const double shown = value * scale;
+  // Two digits as 1e+02 are hard to read.
+  std::snprintf(number, sizeof number, shown >= 99.5 && shown < 1e5 ? "%.0f" : "%.2g", shown);
   std::string text = number;
   if (*unit != '\0') text += std::string(" ") += unit;
   return text;
@@ -41,7 +43,7 @@ std::string limits_text(const Tolerance& tolerance) {
   const auto add = [&](double value, const std::string& words) {
     if (value > 0.0) text += (text.empty() ? "" : ", ") + words;
   };
-  add(tolerance.time, duration_text(tolerance.time));
+  add(tolerance.time, "event times to " + duration_text(tolerance.time));
   add(tolerance.restitution, "restitution to " + with_unit(tolerance.restitution, 1.0, ""));
   add(tolerance.stiffness, "stiffness to " + with_unit(tolerance.stiffness, 100.0, "%"));
   add(tolerance.damping, "damping to " + with_unit(tolerance.damping, 100.0, "%"));
@@ -95,19 +97,23 @@ std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWi
   if (!found->why_none.empty()) {
     words = "not guaranteed: " + found->why_none;
   } else {
-    words = "guaranteed:";
-    for (std::size_t i = 0; i < found->widths.size(); ++i) {
-      const auto& [name, width] = found->widths[i];
-      words += (i > 0 ? ", " : " ") + name + " within " + length(width);
+    words = "guaranteed for " + limits_text(scene.prior.tolerance) + ": ";
+    std::string unheld;
+    for (const auto& [name, width] : found->widths) {
+      if (std::isfinite(width)) {
+        words += name + " within " + length(width) + ", ";
+      } else {
+        unheld += (unheld.empty() ? "" : ", ") + name;
+      }
     }
-    words += " at " + limits_text(scene.prior.tolerance) + "; B is at most " +
-             with_unit(found->floor.largest, 1.0, "") + " in the second half of a trial of " +
-             with_unit(found->duration, 1.0, "s");
+    words += "V below " + with_unit(found->floor.largest, 1.0, "") +
+             ", in the second half of a trial of " + with_unit(found->duration, 1.0, "s");
+    if (!unheld.empty()) words += "; no length for " + unheld + ", which no spring holds";
     words += std::isfinite(found->floor.without_events)
-                 ? ", and " + with_unit(found->floor.without_events, 1.0, "") +
-                       " after a gap in the events"
-                 : "; after a gap in the events it is infinite, since C or K is singular or "
-                   "joint impacts may gain energy";
+                 ? "; after a gap in the events V below " +
+                       with_unit(found->floor.without_events, 1.0, "")
+                 : "; after a gap in the events B is infinite, since C or K is singular or joint "
+                   "impacts may gain energy";
   }
   std::string text;
   append_wrapped(text, words);

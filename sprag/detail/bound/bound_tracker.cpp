@@ -76,9 +76,7 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
   metric_.enter(start_.q, start_.u, modal_);
   const double start_b = std::sqrt(initial_);
   W_ = cap_holds_ ? cap_.from_distance(start_b, modal_, 0.0) : infinity;
-  // W never exceeds the larger of its value when the machine was within the uncertainty and its
-  // limit.
-  if (k != 0 && cap_holds_) W_ = std::max(W_, cap_.ultimate());
+  if (k != 0 && cap_holds_) W_ = cap_.at_any_later_time(W_);
   // Without an uncertainty the machine is assumed to be within its ultimate bound.
   if (initial_ == infinity && cap_holds_) W_ = cap_.ultimate();
   W_t_ = since_ = integrated_to_ = followed_ = t;
@@ -173,13 +171,15 @@ void BoundTracker::advance(double t) {
 }
 
 void BoundTracker::limit_by_cap(double t) {
-  if (cap_holds_) W_ = cap_.advance(W_, t - W_t_);
-  W_t_ = t;
   if (!cap_holds_ || failed_) return;
   if (b_ == infinity && t < lost_until_) return;
   take_state(t);
-  if (b_ < infinity) W_ = std::min(W_, cap_.from_distance(b_ * out_, modal_, t));
-  b_ = std::min(b_, in_ * cap_.distance(W_, modal_, t));
+  double W = cap_.advance(W_, t - W_t_);
+  if (const double by_b = cap_.from_distance(b_ * out_, modal_, t); by_b <= W) {
+    W_ = W = by_b;
+    W_t_ = t;
+  }
+  b_ = std::min(b_, in_ * cap_.distance(W, modal_, t));
 }
 
 // Starts the first-order set at the end of the last window, in free flight. Restarts it if b alone
@@ -455,7 +455,8 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
     }
   }
   // Rounding of the replica's state. The root of its energy grows by the forces alone.
-  const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * (t - W_t_);
+  const double since_event = std::max(t - since_, 0.0) + 2.0 * tolerance_.time;
+  const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * since_event;
   return square(out_ * (b + state_rounding * (b + moving)));
 }
 

@@ -78,6 +78,44 @@ double largest_of(const Eigen::VectorXcd& a) {
   return std::sqrt(0.5 * (rr + ii) + std::hypot(0.5 * (rr - ii), ri));
 }
 
+// Z = omega^2 + i Omega D - Omega^2.
+class Impedance {
+ public:
+  Impedance(const EnergyMetric& metric, double Omega)
+      : decoupled_(metric.decoupled()),
+        diagonal_(metric.omega().cwiseAbs2().array() - square(Omega) +
+                  complex<double>(0.0, Omega) * metric.D().diagonal().array()) {
+    if (decoupled_) return;
+    Z_ = (complex<double>(0.0, Omega) * metric.D()).cast<complex<Extended>>();
+    Z_.diagonal() = diagonal_.cast<complex<Extended>>();
+  }
+  /// Z^-1 B.
+  Eigen::MatrixXcd solve(const Eigen::MatrixXcd& B) const {
+    if (decoupled_) return diagonal_.cwiseInverse().asDiagonal() * B;
+    return sprag::solve(Z_, B.cast<complex<Extended>>().eval()).cast<complex<double>>();
+  }
+
+ private:
+  bool decoupled_;
+  Eigen::VectorXcd diagonal_;
+  MatrixCR Z_;  // unless decoupled
+};
+
+// A^-1 b for a Hermitian, positive semidefinite A; the smallest solution where A is singular.
+Eigen::VectorXcd solve_semidefinite(const Eigen::MatrixXcd& A, const Eigen::VectorXcd& b) {
+  const Eigen::Index m = A.rows();
+  if (m == 0) return b;
+  Eigen::MatrixXd real(2 * m, 2 * m);
+  real << A.real(), -A.imag(), A.imag(), A.real();
+  Eigen::VectorXd parts(2 * m);
+  parts << b.real(), b.imag();
+  const auto [values, vectors] = eigenpairs(real, Eigen::MatrixXd::Identity(2 * m, 2 * m));
+  const Eigen::VectorXd inverse =
+      (values.array() > dependent_modes * values[2 * m - 1]).select(values.cwiseInverse(), 0.0);
+  const Eigen::VectorXd x = vectors * inverse.cwiseProduct(vectors.transpose() * parts);
+  return x.head(m) + complex<double>(0.0, 1.0) * x.tail(m);
+}
+
 }  // namespace
 
 Decay slowest_decay(const EnergyMetric& metric, const Tolerance& tolerance) {
@@ -94,11 +132,15 @@ Decay slowest_decay(const EnergyMetric& metric, const Tolerance& tolerance) {
   };
   const int nodes = metric.decoupled() || metric.coordinates() <= few_coordinates ? 60 : 16;
   Decay best;
+  double largest = 0.0;
   for (int i = 0; i < nodes; ++i) {
     const double share = static_cast<double>(i) / (nodes - 1);
     const double alpha = lowest * least_alpha * std::pow(most_alpha / least_alpha, share);
     const double rho = of(alpha);
-    if (rho > best.rho) best = {rho, alpha};
+    const double value = rho * std::sqrt(1.0 - alpha / lowest);
+    if (value <= largest) continue;
+    largest = value;
+    best = {rho, alpha};
   }
   best.rho *= 1.0 - eigenvalue_margin;
   return best;
@@ -111,19 +153,18 @@ DissipationCap::DissipationCap(const EnergyMetric& metric, const Tolerance& tole
   swing_.setZero(f, metric.dynamics().frequencies().size());
   const Decay decay = slowest_decay(metric, tolerance);
   if (decay.rho <= 0.0) return;
+  alpha_ = decay.alpha;
   find_admissible(tolerance);
   if (!admissible_) return;
-  find_force(tolerance);
-  alpha_ = decay.alpha;
   rho_ = decay.rho;
+  find_force(tolerance);
   const double tilt = alpha_ / metric.omega().minCoeff();
   root_low_ = std::sqrt(1.0 - tilt);
   root_high_ = std::sqrt(1.0 + tilt);
-  ultimate_ = force_ / (std::sqrt(2.0) * rho_);
 }
 
-// Finds q^ = rest - W G^-1 s(t), s the moving part of the supports, which has constant gaps. `rest`
-// minimizes |f_0 - K q| among all positions with gaps >= 0 for the smallest tolerated clearances.
+// Finds q^ = rest + swing, which has constant gaps. `rest` minimizes |f_0 - K q| among all
+// positions with gaps >= 0 for the smallest tolerated clearances.
 void DissipationCap::find_admissible(const Tolerance& tolerance) {
   const EnergyMetric& metric = *metric_;
   const Dynamics& dynamics = metric.dynamics();
@@ -132,16 +173,7 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   const Eigen::VectorXd stiffness = metric.omega().cwiseAbs2();
   // The sampled motion of a support is not bounded in advance: no cap.
   if (!dynamics.inputs().empty() && !dynamics.inputs().motions().isZero(0.0)) return;
-  if (!dynamics.motion_amplitudes().isZero(0.0)) {
-    const auto [values, vectors] = eigenpairs(dynamics.G(), Eigen::MatrixXd::Identity(m, m));
-    const Eigen::VectorXd inverse =
-        (values.array() > dependent_modes * values[m - 1]).select(values.cwiseInverse(), 0.0);
-    const Eigen::MatrixXd back = W * vectors * inverse.asDiagonal() * vectors.transpose();
-    swing_ = -(back.cast<complex<double>>() * dynamics.motion_amplitudes());
-    const double left =
-        (W.transpose().cast<complex<double>>() * swing_ + dynamics.motion_amplitudes()).norm();
-    if (left > gap_margin * dynamics.motion_amplitudes().norm()) return;
-  }
+  if (!follow_supports()) return;
   const Eigen::MatrixXd away = stiffness.cwiseAbs2().cwiseInverse().asDiagonal() * W;
   const Eigen::VectorXd free = metric.force_constant().cwiseQuotient(stiffness);
   const ContactMatrix A = W.transpose() * away;
@@ -160,32 +192,98 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   admissible_ = final.minCoeff() >= -gap_margin * scale;
 }
 
+// Sets the harmonics of q^. With Z = K + i Omega C - Omega^2 (M = 1) and X = Z^-H W, the smallest
+// |f - Z q| with W^T q = -s is that of
+//
+//   q = Z^-1 (f - X mu),   (X^H X) mu = W^T Z^-1 f + s.
+//
+// Returns whether the supports can be followed.
+bool DissipationCap::follow_supports() {
+  const EnergyMetric& metric = *metric_;
+  const Dynamics& dynamics = metric.dynamics();
+  const Eigen::MatrixXcd W = metric.W().cast<complex<double>>();
+  const Eigen::MatrixXcd& motions = dynamics.motion_amplitudes();
+  const Eigen::VectorXd& Omega = dynamics.frequencies();
+  for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+    const Impedance Z(metric, Omega[j]);
+    const Eigen::VectorXcd free = Z.solve(metric.force_amplitudes().col(j));
+    const Eigen::MatrixXcd X = Z.solve(W).conjugate();
+    const Eigen::VectorXcd mu =
+        solve_semidefinite(X.adjoint() * X, W.transpose() * free + motions.col(j));
+    swing_.col(j) = free - Z.solve(X * mu);
+  }
+  // Corrects what rounding and dependent directions leave.
+  const Eigen::MatrixXcd left = W.transpose() * swing_ + motions;
+  const Eigen::MatrixXcd G = dynamics.G().cast<complex<double>>();
+  for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+    swing_.col(j) -= W * solve_semidefinite(G, left.col(j));
+  }
+  const double scale = motions.norm() + W.norm() * swing_.norm();
+  return (W.transpose() * swing_ + motions).norm() <= gap_margin * scale;
+}
+
 void DissipationCap::find_force(const Tolerance& tolerance) {
   const EnergyMetric& metric = *metric_;
   const Eigen::VectorXd stiffness = metric.omega().cwiseAbs2();
   const Eigen::VectorXd pull = stiffness.cwiseProduct(rest_);
-  force_ = (metric.force_constant() - pull).norm() + tolerance.force;
   double elastic = pull.norm();
   double viscous = 0.0;
   const Eigen::VectorXd& Omega = metric.dynamics().frequencies();
+  Eigen::MatrixXcd harmonics = metric.force_amplitudes();
   for (Eigen::Index j = 0; j < Omega.size(); ++j) {
     const Eigen::VectorXcd q = swing_.col(j);
     const Eigen::VectorXcd Kq = stiffness.cast<complex<double>>().cwiseProduct(q);
     const Eigen::VectorXcd Cu = complex<double>(0.0, Omega[j]) * (metric.D() * q);
-    force_ += largest_of(metric.force_amplitudes().col(j) + square(Omega[j]) * q - Cu - Kq);
+    harmonics.col(j) += square(Omega[j]) * q - Cu - Kq;
     elastic += largest_of(Kq);
     viscous += largest_of(Cu);
   }
+  double other = tolerance.force + tolerance.stiffness * elastic + tolerance.damping * viscous;
   for (Eigen::Index c = 0; c < metric.input_forces().cols(); ++c) {
-    force_ +=
-        metric.input_forces().col(c).norm() * metric.dynamics().inputs().channel(c).largest(2);
+    other += metric.input_forces().col(c).norm() * metric.dynamics().inputs().channel(c).largest(2);
   }
-  force_ += tolerance.stiffness * elastic + tolerance.damping * viscous;
+  find_limits(metric.force_constant() - pull, harmonics, other);
 }
 
+// Limits of W and J for F = |constant + Re sum of harmonics e^(i Omega t)| + other. The weight
+// rho e^(-rho s) of the past leaves rho / |rho + i Omega| of a harmonic of |F - other|^2.
+void DissipationCap::find_limits(const Eigen::VectorXd& constant, const Eigen::MatrixXcd& harmonics,
+                                 double other) {
+  const Eigen::VectorXd& Omega = metric_->dynamics().frequencies();
+  const auto left = [&](double frequency) { return rho_ / std::hypot(rho_, frequency); };
+  double largest = constant.norm();
+  double mean = constant.squaredNorm();
+  double swing = 0.0;
+  for (Eigen::Index j = 0; j < Omega.size(); ++j) {
+    const Eigen::VectorXcd a = harmonics.col(j);
+    largest += largest_of(a);
+    mean += 0.5 * a.squaredNorm();
+    swing +=
+        2.0 * std::abs(a.cwiseProduct(constant.cast<complex<double>>()).sum()) * left(Omega[j]);
+    swing += 0.5 * std::abs(a.cwiseProduct(a).sum()) * left(2.0 * Omega[j]);
+    for (Eigen::Index k = 0; k < j; ++k) {
+      const Eigen::VectorXcd b = harmonics.col(k);
+      swing += std::abs(a.cwiseProduct(b).sum()) * left(Omega[j] + Omega[k]);
+      swing += std::abs(a.dot(b)) * left(Omega[j] - Omega[k]);
+    }
+  }
+  const double scale = 1.0 / (std::sqrt(2.0) * rho_);
+  largest_ = scale * (largest + other);
+  ultimate_ = scale * (std::min(std::sqrt(mean + swing), largest) + other);
+  least_ = scale * other;
+  if (mean > swing) least_ += scale * (mean - swing) / largest;
+}
+
+// F is at most its largest value, and W - J decays.
 double DissipationCap::advance(double W, double duration) const {
   if (!exists()) return infinity;
-  return ultimate_ + (W - ultimate_) * std::exp(-rho_ * duration);
+  const double decay = std::exp(-rho_ * duration);
+  return std::min(largest_ + (W - largest_) * decay, ultimate_ + (W - least_) * decay);
+}
+
+double DissipationCap::at_any_later_time(double W) const {
+  if (!exists()) return infinity;
+  return std::min(std::max(W, largest_), ultimate_ + std::max(W - least_, 0.0));
 }
 
 DissipationCap::Parts DissipationCap::apart(const ModalState& state, double t) const {

@@ -1,0 +1,111 @@
+// The cap of the distance between a machine and an admissible motion: it holds for machines with
+// impacts at the limits of the tolerances, and it is close to the motion at a resonance.
+#include "sprag/detail/bound/dissipation_cap.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <iostream>
+#include <vector>
+
+#include "sprag/master.h"
+#include "tests/bound/bound_trial.h"
+#include "tests/support/run.h"
+
+namespace sprag::test {
+namespace {
+
+constexpr double rounding = 1.0 + 1e-9;
+
+// W of a true machine at times on a grid.
+std::vector<double> distances(const Model& truth, const State& start, const DissipationCap& cap,
+                              const EnergyMetric& metric, double step, int count) {
+  Master master(truth, start);
+  std::vector<ContactEvent> ignored;
+  Eigen::VectorXd q(truth.coordinates()), u(truth.coordinates());
+  ModalState state{q, u, u};
+  std::vector<double> W;
+  for (int k = 0; k < count; ++k) {
+    const double t = step * k;
+    master.advance(at(t), ignored);
+    master.state(at(t), q, u);
+    metric.enter(q, u, state);
+    W.push_back(cap.from_distance(0.0, state, t));
+  }
+  return W;
+}
+
+TEST(DissipationCap, HoldsForMachinesWithImpacts) {
+  constexpr std::uint64_t seed = 5230;
+  std::cout << "seed " << seed << '\n';
+  double closest = 0.0;
+  int caps = 0;
+  for (int number = 0; number < 60; ++number) {
+    Random random(seed + static_cast<std::uint64_t>(number));
+    const BoundCase machine =
+        random_bound_case(random, {.contacts = 1 + number % 2, .corners = random.chance(0.7)}, 30);
+    const Dynamics dynamics(machine.scene.model);
+    const EnergyMetric metric(dynamics);
+    const DissipationCap cap(metric, machine.scene.prior.tolerance);
+    // With two contacts, errors of the restitutions may gain energy.
+    if (!cap.exists() || (number % 2 == 1 && machine.scene.prior.tolerance.restitution > 0.0)) {
+      continue;
+    }
+    ++caps;
+    constexpr int count = 150;
+    const double step = machine.end / count;
+    const std::vector<double> W = distances(machine.truth, machine.start, cap, metric, step, count);
+    for (std::size_t i = 0; i < W.size(); ++i) {
+      ASSERT_LE(W[i], cap.at_any_later_time(W[0]) * rounding) << number;
+      for (std::size_t j = i + 1; j < W.size(); ++j) {
+        const double limit = cap.advance(W[i], step * static_cast<double>(j - i));
+        ASSERT_LE(W[j], limit * rounding) << number << ": from " << i << " to " << j;
+        if (j > i + 3) closest = std::max(closest, W[j] / limit);
+      }
+    }
+  }
+  std::cout << caps << " machines, largest W / limit " << closest << '\n';
+  EXPECT_GT(caps, 20);
+  EXPECT_GT(closest, 0.9);
+}
+
+// A resonance without contact. The mean force limits W to sqrt 2 times its value, the largest force
+// to twice that.
+TEST(DissipationCap, IsCloseAtAResonance) {
+  Model model;
+  model.M = model.K = Eigen::MatrixXd::Identity(1, 1);
+  model.C = Eigen::MatrixXd::Constant(1, 1, 0.1);
+  model.forces.push_back({Eigen::VectorXd::Ones(1), 0.0, {1.0, 1.0, 0.0}});
+  model.contacts.push_back({Eigen::VectorXd::Ones(1), 0.5, 100.0, {}});
+  const Dynamics dynamics(model);
+  const EnergyMetric metric(dynamics);
+  const DissipationCap cap(metric, {});
+  ASSERT_TRUE(cap.exists());
+  const State rest{Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
+  const std::vector<double> W = distances(model, rest, cap, metric, 0.1, 4000);
+  for (std::size_t k = 0; k < W.size(); ++k) {
+    ASSERT_LE(W[k], cap.advance(W[0], 0.1 * static_cast<double>(k)) * rounding);
+  }
+  const double ratio = cap.ultimate() / W.back();
+  std::cout << "limit / W at the resonance " << ratio << '\n';
+  EXPECT_LT(ratio, 1.5);
+}
+
+// The smallest residual force of a motion with a constant gap, computed independently (numpy, from
+// the formulas of the paper): amplitudes of norm 0.795540 with the support on the ground, 2.216793
+// with the support on the frame.
+TEST(DissipationCap, FollowsTheForceAsFarAsTheGapAllows) {
+  for (const auto& [name, force] : {std::pair{"paper_beam", 0.79553968809616626},
+                                    std::pair{"paper_beam_frame", 2.2167926282761554}}) {
+    const Scene scene = shipped_scene(name);
+    const Dynamics dynamics(scene.model);
+    const EnergyMetric metric(dynamics);
+    const DissipationCap cap(metric, {});
+    const double mean = cap.ultimate() * std::sqrt(2.0) * cap.rho() * std::sqrt(2.0);
+    EXPECT_GE(mean, force * (1.0 - 1e-9)) << name;
+    EXPECT_LE(mean, force * (1.0 + cap.rho() / 19.0)) << name;
+  }
+}
+
+}  // namespace
+}  // namespace sprag::test
