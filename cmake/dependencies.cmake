@@ -9,6 +9,8 @@ if(SPRAG_USES_PROGRAMS)
   set(required REQUIRED)
   find_package(CLI11 REQUIRED)
   find_package(nlohmann_json REQUIRED)
+endif()
+if(SPRAG_USES_PROGRAMS OR SPRAG_PYTHON)
   find_package(Threads REQUIRED)
 endif()
 # Open MPI, for studies on several hosts.

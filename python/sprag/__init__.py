@@ -59,8 +59,8 @@ from ._core import (
 )
 from ._errors import BusError, Error, InputError, ModelError, SceneError, SimulationError
 from ._events import ContactEventKind, import_events, pulses
-from ._programs import Tolerances, run_study, tolerance
-from ._studies import Study, read_study
+from ._studies import Study, read_study, run_study
+from ._tolerance import Tolerances, tolerance
 
 __all__ = [
     "__version__",

@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Literal, Mapping, Sequence
+from typing import Any, Literal, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -698,12 +698,34 @@ def reduce(
 def _import_events(
     file: str | PathLike[str],
     scene: Scene,
+    *,
     impacts: dict[int, str],
     on: dict[int, str],
     off: dict[int, str],
-    unit: float,
-    offset: float,
+    level: dict[int, str],
+    time: str,
+    threshold: float | None,
+    inverted: bool,
+    impacts_at: str | None,
+    unit: float | str | None,
+    offset: float | str,
+    rate: float,
     debounce: float,
     pulse_shorter_than: float,
     duration: float,
+    columns: list[str] | None,
+    separator: str | None,
 ) -> npt.NDArray[np.void]: ...
+def _run_study(
+    study: str | PathLike[str], jobs: int | None
+) -> tuple[dict[str, Any], dict[str, Any]]: ...
+def _tolerance(
+    scene: Scene,
+    target: float | None,
+    duration: float | None,
+    jitter: float | None,
+    drift: float | None,
+    runs: int,
+    estimators: list[str],
+    jobs: int | None,
+) -> dict[str, Any]: ...

@@ -1,4 +1,4 @@
-"""Results of `sprag study` as arrays."""
+"""Studies: many runs of a scene, with results as arrays."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._core import _run_study
 from ._errors import InputError
 
 
@@ -20,7 +21,7 @@ class Study:
 
     index, point, run and n are integers, failure is text, all others are floats, nan where a run
     failed. axes are the names of the varied columns. manifest describes the study: its text, the
-    text of the scene, version, compiler.
+    text of the scene, the values of each axis.
     """
 
     def __init__(
@@ -133,3 +134,16 @@ def read_study(path: str | os.PathLike[str]) -> Study:
             raise InputError(f"{beside}: no manifest of a study: {error}") from None
         return Study(columns, axes, manifest)
     return Study(columns, [], manifest)
+
+
+def run_study(study: str | os.PathLike[str], *, jobs: int | None = None) -> Study:
+    """Runs the study of a study file, or one that comes with Sprag by its name, in memory.
+
+    The rows are those that `sprag study` writes. That program is for a study that should continue
+    after an interruption, or that runs on several hosts. jobs: number of threads, None: one for each
+    core. Raises SceneError or InputError for a wrong study file or scene; a run that fails has its
+    reason in the column failure.
+    """
+    columns, manifest = _run_study(study, jobs)
+    columns["failure"] = np.array(columns["failure"], dtype=str)
+    return Study(columns, [str(axis["path"]) for axis in manifest["axes"]], manifest)

@@ -25,7 +25,6 @@
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/identification/repaired_events.h"
 #include "sprag/detail/identification/verdict.h"
-#include "sprag/detail/import/import.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/identification.h"
 #include "sprag/impacts.h"
@@ -48,14 +47,6 @@ EventList in_order(const py::object& events, const Scene& scene, double duration
   std::stable_sort(taken.begin(), taken.end(),
                    [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
   return taken;
-}
-
-// An array of events that owns its data; contacts from 0 in `events`.
-py::array owned(EventList events) {
-  for (ContactEvent& event : events) ++event.contact;
-  auto data = std::make_unique<EventList>(std::move(events));
-  const py::capsule owner(data.get(), [](void* of) { delete static_cast<EventList*>(of); });
-  return view(*data.release(), owner);
 }
 
 // A structured array of rows; `dtype` has the layout of Row.
@@ -635,83 +626,6 @@ void bind_reduction(py::module_& module) {
       "few events, ModelError or ValueError.");
 }
 
-// ---- import
-
-Decimal to_decimal(const char* name, double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.17g", value);
-  const auto decimal = parse_decimal(text);
-  if (!decimal || !std::isfinite(value)) {
-    throw std::invalid_argument(std::string(name) + " must be a finite number");
-  }
-  return *decimal;
-}
-
-using ColumnsByContact = std::map<int, std::string>;
-
-std::vector<ContactColumns> chosen_columns(const ColumnFile& columns, const std::string& file,
-                                           int contacts, const ColumnsByContact& impacts,
-                                           const ColumnsByContact& on,
-                                           const ColumnsByContact& off) {
-  std::map<int, ContactColumns> chosen;
-  const auto add = [&](const ColumnsByContact& names,
-                       std::optional<std::size_t> ContactColumns::*role) {
-    for (const auto& [contact, name] : names) {
-      if (contact < 1 || contact > contacts) {
-        throw std::invalid_argument("contact is " + std::to_string(contact) +
-                                    "; must be from 1 to " + std::to_string(contacts));
-      }
-      chosen[contact].contact = contact - 1;
-      chosen[contact].*role = columns.find(name, file);
-    }
-  };
-  add(impacts, &ContactColumns::impacts);
-  add(on, &ContactColumns::on);
-  add(off, &ContactColumns::off);
-  std::vector<ContactColumns> list;
-  for (const auto& [contact, of] : chosen) {
-    if (of.impacts ? of.on || of.off : !of.on || !of.off) {
-      throw std::invalid_argument("contact " + std::to_string(contact) +
-                                  " needs a column of impacts, or columns on and off");
-    }
-    list.push_back(of);
-  }
-  if (list.empty() && columns.columns.size() == 1 && contacts == 1) list.push_back({0, 0, {}, {}});
-  if (list.empty()) throw std::invalid_argument("no column is named; give impacts, or on and off");
-  return list;
-}
-
-py::array run_import(const std::filesystem::path& file, const Scene& scene,
-                     const ColumnsByContact& impacts, const ColumnsByContact& on,
-                     const ColumnsByContact& off, double unit, double offset, double debounce,
-                     double pulse_shorter_than, double duration) {
-  if (!(unit > 0.0)) throw std::invalid_argument("unit must be > 0");
-  if (!(debounce >= 0.0 && pulse_shorter_than >= 0.0)) {
-    throw std::invalid_argument("debounce and pulse_shorter_than must be >= 0");
-  }
-  const std::string text = read_whole(file);
-  const ColumnFile columns = parse_columns(text, file.string());
-  const auto chosen = chosen_columns(
-      columns, file.string(), static_cast<int>(scene.model.contacts.size()), impacts, on, off);
-  Import import = import_events(columns, chosen,
-                                {.unit = to_decimal("unit", unit),
-                                 .offset = to_decimal("offset", offset),
-                                 .debounce = debounce,
-                                 .pulse_shorter_than = pulse_shorter_than,
-                                 .duration = duration});
-  for (const RowProblem& problem : import.problems) {
-    const std::string warning = file.string() + ":" + to_text(problem) + "; left out";
-    if (PyErr_WarnEx(PyExc_RuntimeWarning, warning.c_str(), 1) != 0) throw py::error_already_set();
-  }
-  return owned(std::move(import.events));
-}
-
-void bind_import(py::module_& module) {
-  module.def("_import_events", &run_import, py::arg("file"), py::arg("scene"), py::arg("impacts"),
-             py::arg("on"), py::arg("off"), py::arg("unit"), py::arg("offset"), py::arg("debounce"),
-             py::arg("pulse_shorter_than"), py::arg("duration"), "See import_events().");
-}
-
 }  // namespace
 
 void bind_analyses(py::module_& module) {
@@ -720,7 +634,6 @@ void bind_analyses(py::module_& module) {
   bind_diagnosis(module);
   bind_smoother(module);
   bind_reduction(module);
-  bind_import(module);
 }
 
 }  // namespace sprag::python

@@ -1,5 +1,5 @@
 // Python bindings of what is made of recordings: identification, diagnosis, smoothing, impacts,
-// predictions, reduction, and the import of time stamps.
+// predictions and reduction.
 #pragma once
 
 #include <pybind11/pybind11.h>

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -79,6 +80,14 @@ py::array view(const std::vector<ContactEvent>& events, py::handle owner) {
   return read_only(py::array(event_dtype(), {static_cast<py::ssize_t>(events.size())},
                              {static_cast<py::ssize_t>(sizeof(ContactEvent))}, events.data(),
                              owner));
+}
+
+py::array owned(std::vector<ContactEvent> events) {
+  for (ContactEvent& event : events) ++event.contact;
+  auto data = std::make_unique<std::vector<ContactEvent>>(std::move(events));
+  const py::capsule owner(data.get(),
+                          [](void* of) { delete static_cast<std::vector<ContactEvent>*>(of); });
+  return view(*data.release(), owner);
 }
 
 py::tuple contacts_of(ContactSet set) {

@@ -32,6 +32,9 @@ py::dtype event_dtype();
 /// n entries of event_dtype(). The contacts in `events` must count from 1 already.
 py::array view(const std::vector<ContactEvent>& events, py::handle owner);
 
+/// The same of events with contacts from 0, which the array owns; in it contacts count from 1.
+py::array owned(std::vector<ContactEvent> events);
+
 /// Converts an array of event_dtype(), or a sequence of triples, to events with contacts from 0.
 /// Throws std::invalid_argument if an entry is no event of a machine with `contacts` contacts.
 std::vector<ContactEvent> to_events(const py::object& events, std::size_t contacts);

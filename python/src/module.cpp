@@ -7,9 +7,11 @@
 #include "lcmtypes/lcm_url.h"
 #include "python/src/analyses.h"
 #include "python/src/arrays.h"
+#include "python/src/import.h"
 #include "python/src/live.h"
 #include "python/src/machines.h"
 #include "python/src/runs.h"
+#include "python/src/studies.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/error.h"
 #include "sprag/master.h"
@@ -71,5 +73,7 @@ PYBIND11_MODULE(_core, module) {
   bind_machines(module);
   bind_runs(module);
   bind_analyses(module);
+  bind_import(module);
+  bind_studies(module);
   bind_live(module);
 }

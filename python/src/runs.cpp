@@ -37,15 +37,6 @@ Simulation run_master(const Scene& scene, double duration, double tick) {
   return run;
 }
 
-EstimatorKind to_estimator(const std::string& name) {
-  if (name == "both") return EstimatorKind::both;
-  if (name == "timing") return EstimatorKind::timing;
-  if (name == "replica") return EstimatorKind::replica;
-  if (name == "adaptive") return EstimatorKind::adaptive;
-  throw std::invalid_argument("estimator is \"" + name +
-                              "\"; must be \"both\", \"timing\", \"replica\" or \"adaptive\"");
-}
-
 StepperKind to_stepper(const std::string& name) {
   if (name == "exact") return StepperKind::exact;
   if (name == "moreau") return StepperKind::moreau;
@@ -470,6 +461,15 @@ void bind_check(py::module_& module) {
 }
 
 }  // namespace
+
+EstimatorKind to_estimator(const std::string& name) {
+  if (name == "both") return EstimatorKind::both;
+  if (name == "timing") return EstimatorKind::timing;
+  if (name == "replica") return EstimatorKind::replica;
+  if (name == "adaptive") return EstimatorKind::adaptive;
+  throw std::invalid_argument("estimator is \"" + name +
+                              "\"; must be \"both\", \"timing\", \"replica\" or \"adaptive\"");
+}
 
 ObserverSettings to_settings(double tick, const std::string& estimator,
                              const std::string& stepper) {

@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "command_line/in_parallel.h"
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/quantile.h"
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/filter/tracking_estimator.h"

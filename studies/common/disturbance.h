@@ -1,8 +1,8 @@
-// Disturbed events (tools/study/disturbance.h) with the random draws of these studies.
+// Disturbed events (sprag/detail/study/disturbance.h) with the random draws of these studies.
 #pragma once
 
+#include "sprag/detail/study/disturbance.h"
 #include "studies/common/random.h"
-#include "tools/study/disturbance.h"
 
 namespace sprag::common {
 

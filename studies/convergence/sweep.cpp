@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "sprag/detail/replica/replica_sweep.h"
+#include "sprag/detail/study/trial.h"
 #include "sprag/master.h"
 #include "studies/convergence/study.h"
-#include "tools/study/trial.h"
 
 namespace sprag::studies {
 namespace {

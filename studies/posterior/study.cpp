@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "command_line/in_parallel.h"
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"

@@ -1,8 +1,11 @@
 """Identification, diagnosis, smoothing, impacts, predictions, reduction and import of events."""
 
 import json
+import signal
 import subprocess
+import sys
 import tempfile
+import time
 import unittest
 import warnings
 from pathlib import Path
@@ -230,6 +233,65 @@ class ImportTest(unittest.TestCase):
             with self.assertRaisesRegex(sprag.InputError, "log.csv"):
                 sprag.import_events(file, truth, impacts="b")
 
+    def test_levels_are_those_of_the_program(self):
+        truth = scene("two_stops_beam")
+        file_of = {
+            "capture.csv": "Time [ms],D0,D1\n0,1,3.3\n500,0,3.3\n501,1,3.2\n700,1,0.1\n"
+            "900,1,3.3\n1000,0,3.3\n1000.1,1,3.3\n1000.2,0,3.3\n1002,1,3.3\n",
+            "plain.csv": "0;0;1\n0,5;1;1\n0,9;0;0\n1,5;1;1\n",
+        }
+        cases = [
+            ("capture.csv", {"level": {1: "D0", 2: "D1"}, "inverted": True, "threshold": 0.5,
+                             "debounce": 5e-4, "pulse_shorter_than": 3e-3},
+             ["--level", "1=D0", "--level", "2=D1", "--inverted", "--threshold", "0.5",
+              "--debounce", "5e-4", "--pulse-shorter-than", "3e-3"]),
+            ("capture.csv", {"level": {1: "D0"}, "time": "Time [ms]", "impacts_at": "falling",
+                             "unit": "us", "offset": "0.5", "rate": 1.01, "duration": 9.897e-4},
+             ["--level", "1=D0", "--time", "Time [ms]", "--impacts-at", "falling", "--unit", "us",
+              "--offset", "0.5", "--rate", "1.01", "--duration", "9.897e-4"]),
+            ("plain.csv", {"level": {2: "b"}, "time": "t", "columns": ["t", "a", "b"],
+                           "separator": "semicolon"},
+             ["--level", "2=b", "--time", "t", "--columns", "t,a,b", "--separator", "semicolon"]),
+        ]  # fmt: skip
+        with tempfile.TemporaryDirectory() as folder:
+            for name, text in file_of.items():
+                (Path(folder) / name).write_text(text)
+            for name, arguments, options in cases:
+                file, output = Path(folder) / name, Path(folder) / "events.csv"
+                with self.subTest(arguments), warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    events = sprag.import_events(file, truth, **arguments)
+                    self.assertGreater(len(events), 1)
+                    program = BUILD / "tools/import_events"
+                    if not program.exists():
+                        continue
+                    scene_file = SOURCE / "scenes/two_stops_beam.toml"
+                    command = [program, file, scene_file, *options, "--output", output]
+                    subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+                    np.testing.assert_array_equal(events, sprag.read_events(output, truth))
+            capture = Path(folder) / "capture.csv"
+            times = sprag.import_events(capture, scene(), level="D0", impacts_at="rising")["t"]
+            self.assertEqual(times.tolist(), [0.501, 1.0001, 1.002])  # ms, by the column's name
+            with self.assertWarnsRegex(RuntimeWarning, "both edges"):
+                sprag.import_events(capture, scene(), level="D0", impacts_at="both")
+            with self.assertRaisesRegex(sprag.InputError, "threshold"):
+                sprag.import_events(capture, scene(), level="D1")
+            fast = sprag.parse_scene(
+                (SOURCE / "scenes/paper_beam.toml").read_text() + "\n[clock]\nrate = 1.0002\n"
+            )
+            for wrong in (
+                {"level": "D0", "impacts": "D1"},
+                {"level": "D0", "impacts_at": "up"},
+                {"impacts": "D0", "inverted": True},
+                {"level": "D0", "unit": "h"},
+                {"level": "D0", "separator": "blank"},
+                {"level": "D0", "rate": -1.0},
+            ):
+                with self.subTest(wrong), self.assertRaises(ValueError):
+                    sprag.import_events(capture, scene(), **wrong)
+            with self.assertRaisesRegex(ValueError, "twice"):
+                sprag.import_events(capture, fast, level="D0", rate=1.0002)
+
 
 class ScenesTest(unittest.TestCase):
     def test_version(self):
@@ -353,39 +415,94 @@ restitution = 0.6
             sprag.Beam(modes=2, damping=0.1, damping_ratio=0.1)
 
 
-@unittest.skipUnless((BUILD / "tools/tolerance").exists(), "the programs are not built")
-class ProgramsTest(unittest.TestCase):
+class StudiesTest(unittest.TestCase):
     def test_tolerance(self):
-        found = sprag.tolerance(
-            "impact_oscillator", runs=1, duration=20.0, estimators=["replica"], jobs=1
-        )
-        self.assertGreater(found.target, 0.0)
+        asked = {"runs": 1, "duration": 20.0, "estimators": ["replica"]}
+        found = sprag.tolerance("impact_oscillator", jobs=2, **asked)
+        self.assertEqual(found.target, 1e-4 * found.motion_energy)
+        self.assertEqual(found.duration, 20.0)
         jitter = found.limits[found.limits["what"] == "jitter"]
         self.assertEqual(jitter["estimator"].tolist(), ["replica"])
-        self.assertGreater(jitter["amount"][0], 0.0)
+        self.assertEqual(jitter["kind"].tolist(), ["within"])
+        tried = found.points[found.points["what"] == "jitter"]
+        below = tried["amount"][tried["median"] < found.target].max()
+        self.assertTrue(below <= jitter["amount"][0] < 10 * below)
+        again = sprag.tolerance(scene("impact_oscillator"), jobs=1, **asked)
+        np.testing.assert_array_equal(again.limits, found.limits)
+        self.assertIn("jitter", found.guaranteed["what"])
         of_object = sprag.tolerance(rig(), runs=1, duration=5.0, estimators=["replica"], jobs=1)
         self.assertIn("system.K", of_object.limits["what"])
-        with self.assertRaisesRegex(sprag.InputError, "nowhere"):
+        with self.assertRaisesRegex(sprag.SceneError, "nowhere"):
             sprag.tolerance("nowhere.toml")
+        for wrong in ({"runs": 0}, {"target": -1.0}, {"estimators": ["none"]}, {"jobs": 0}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                sprag.tolerance("impact_oscillator", **wrong)
 
-    @unittest.skipUnless((BUILD / "tools/study").exists(), "the program study is not built")
     def test_study(self):
         with tempfile.TemporaryDirectory() as folder:
-            scene_file = Path(folder) / "rig.toml"
-            sprag.write_scene(scene_file, rig())
+            sprag.write_scene(Path(folder) / "rig.toml", rig())
             file = Path(folder) / "study.toml"
             file.write_text(STUDY)
-            study = sprag.run_study(file, Path(folder) / "rows", jobs=1)
+            study = sprag.run_study(file, jobs=2)
             self.assertEqual(study.axes, ["contact.1.restitution"])
-            self.assertEqual(study.rows, 2)
+            self.assertEqual(study.rows, 40)
+            self.assertEqual(study.grid("replica.V_floor").shape, (2, 20))
+            self.assertEqual(study.manifest["study"]["text"], STUDY)
+            self.assertEqual(set(study["failure"]), {""})
+            for name in study.names:
+                np.testing.assert_array_equal(study[name], sprag.run_study(file, jobs=1)[name])
             file.write_text("name = 1")
-            with self.assertRaises(sprag.InputError):
-                sprag.run_study(file, Path(folder) / "other")
+            with self.assertRaises(sprag.SceneError):
+                sprag.run_study(file)
+
+    @unittest.skipUnless((BUILD / "tools/study").exists(), "the program study is not built")
+    def test_a_study_has_the_rows_of_the_program(self):
+        with tempfile.TemporaryDirectory() as folder:
+            sprag.write_scene(Path(folder) / "rig.toml", rig())
+            file = Path(folder) / "study.toml"
+            file.write_text(STUDY)
+            rows = Path(folder) / "rows"
+            command = [BUILD / "tools/study", file, "--output", rows, "--jobs", "1"]
+            subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
+            expected, study = sprag.read_study(rows), sprag.run_study(file)
+            self.assertEqual(study.names, expected.names)
+            for name in study.names:
+                self.assertEqual(study[name].dtype, expected[name].dtype)
+                np.testing.assert_array_equal(study[name], expected[name])
+
+    def test_points_of_a_section(self):
+        with tempfile.TemporaryDirectory() as folder:
+            sprag.write_scene(Path(folder) / "rig.toml", rig())
+            file = Path(folder) / "study.toml"
+            file.write_text(
+                'scene = "rig.toml"\nrecord = ["poincare"]\nmachine = { transient = 10, periods = 5 }\n'
+            )
+            study = sprag.run_study(file)
+            self.assertEqual(study["n"].tolist(), [1, 2, 3, 4, 5])
+
+    def test_an_interrupt_ends_a_study(self):
+        code = """
+import sprag
+print("ready", flush=True)
+try:
+    sprag.tolerance("lab_rig", runs=1000)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+        python = subprocess.Popen(
+            [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
+        )
+        self.assertEqual(python.stdout.readline(), "ready\n")
+        time.sleep(0.5)
+        python.send_signal(signal.SIGINT)
+        self.assertEqual(python.communicate(timeout=60)[0], "interrupted\n")
 
 
 STUDY = """scene = "rig.toml"
 duration = 5.0
-estimators = ["replica"]
+runs = 20
+start.replica = 0.01
+estimators = ["replica", "both"]
 record = ["V_floor"]
 [vary]
 contact.1.restitution = [0.5, 0.6]

@@ -4,7 +4,6 @@ import math
 import os
 import secrets
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -16,27 +15,13 @@ from pathlib import Path
 import numpy as np
 import sprag
 
-from support import SOURCE, readme_examples, scene
-
-
-def free_url() -> str:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        return f"udpm://239.255.76.67:{probe.getsockname()[1]}?ttl=0"
+from support import SOURCE, free_url, multicast_works, readme_examples, scene
 
 
 def receivers(port: int) -> int:
     """Sockets that listen on the port."""
     table = Path("/proc/net/udp").read_text().splitlines()[1:]
     return sum(row.split()[1].endswith(f":{port:04X}") for row in table)
-
-
-def multicast_works() -> bool:
-    try:
-        sprag.EstimateListener(url=free_url())
-    except sprag.BusError:
-        return False
-    return True
 
 
 @unittest.skipUnless(multicast_works(), "multicast does not work on this host")

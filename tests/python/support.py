@@ -2,6 +2,7 @@
 
 import os
 import re
+import socket
 from pathlib import Path
 
 import sprag
@@ -27,3 +28,17 @@ def write_events(file: Path, events) -> None:
         for t, contact, kind in events.tolist():
             for closed in rows[kind]:
                 csv.write(f"{t!r},{contact},{closed}\n")
+
+
+def free_url() -> str:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        return f"udpm://239.255.76.67:{probe.getsockname()[1]}?ttl=0"
+
+
+def multicast_works() -> bool:
+    try:
+        sprag.EstimateListener(url=free_url())
+    except sprag.BusError:
+        return False
+    return True

@@ -10,11 +10,11 @@
 #include "sprag/detail/import/column_file.h"
 #include "sprag/detail/import/decimal.h"
 #include "sprag/detail/import/import.h"
+#include "sprag/detail/import/levels.h"
+#include "sprag/detail/import/unit.h"
 #include "tests/support/random.h"
 #include "tools/import_events/choice.h"
 #include "tools/import_events/hints.h"
-#include "tools/import_events/levels.h"
-#include "tools/import_events/unit.h"
 
 namespace sprag {
 namespace {

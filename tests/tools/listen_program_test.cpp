@@ -15,6 +15,7 @@
 #include <csignal>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "lcmtypes/bus.h"
@@ -382,19 +383,53 @@ TEST_F(ListenProgramTest, EdgesAreStampedOnArrivalAndTheScatterIsProposed) {
   EXPECT_NE(process.err().find("[events] jitter = "), std::string::npos);
 }
 
+/// Times of an events file on a clock that is fast by `rate` and reads `offset` at t = 0.
+std::string on_clock(const std::string& events, double rate, double offset) {
+  std::istringstream lines(events);
+  std::ostringstream result;
+  result.precision(17);
+  std::string line;
+  std::getline(lines, line);
+  result << line << '\n';
+  while (std::getline(lines, line)) {
+    const std::size_t comma = line.find(',');
+    result << offset + rate * std::stod(line.substr(0, comma)) << line.substr(comma) << '\n';
+  }
+  return result.str();
+}
+
+/// Second column after the tick and the time, the first coordinate, of a states file.
+std::vector<double> first_coordinates(const std::string& states) {
+  std::istringstream lines(states);
+  std::vector<double> values;
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    const std::size_t place = line.find(',', line.find(',') + 1) + 1;
+    values.push_back(std::stod(line.substr(place)));
+  }
+  return values;
+}
+
 // The observer hears the device's messages over the network, and the recording has the same ones.
+// The device's clock is 1 % fast, which the scene states.
 TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit) {
-  scene_ = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
-  const Ended simulated = run(MASTER_SIM, {scene_, "--duration", "12", "--speed", "max", "--no-lcm",
-                                           "--events", path("machine.csv")});
+  const std::string machine = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
+  const Ended simulated =
+      run(MASTER_SIM, {machine, "--duration", "12", "--speed", "max", "--no-lcm", "--tick",
+                       "0.0078125", "--events", path("machine.csv"), "--states", path("true.csv")});
   ASSERT_EQ(simulated.code, 0) << simulated.err;
+  write_text(path("device.csv"), on_clock(read_text(directory_ / "machine.csv"), 1.01, 0.5));
+  scene_ = path("clock.toml");
+  write_text(scene_, read_text(machine) +
+                         "\n[clock]\nrate = 1.01\noffset = 0.5\n[events]\njitter = 1e-6\n");
   const Arguments common{"--duration", "10", "--tick", "0.0078125", "--states"};
   Arguments live{OBSERVER, scene_, "--url", url_};
   live.insert(live.end(), common.begin(), common.end());
   live.push_back(path("live.csv"));
   Process& observer = start(live);
   wait_for(observer, "waiting for a master");
-  std::string command = SPRAG_SOURCE_DIR "/scripts/simulated_device " + path("machine.csv") +
+  std::string command = SPRAG_SOURCE_DIR "/scripts/simulated_device " + path("device.csv") +
                         " --speed 4 --counter-start 4290000000 --crlf |";
   for (const std::string& word :
        listen({"--speed", "4", "--counter-bits", "32", "--offset", "4290000000",
@@ -411,6 +446,12 @@ TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit)
   const std::string states = read_text(directory_ / "live.csv");
   EXPECT_EQ(std::ranges::count(states, '\n'), 1282);
   EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
+  // The device prints microseconds.
+  const std::vector<double> estimated = first_coordinates(states);
+  const std::vector<double> truth = first_coordinates(read_text(directory_ / "true.csv"));
+  ASSERT_GE(truth.size(), estimated.size());
+  for (std::size_t k = estimated.size() / 2; k < estimated.size(); ++k)
+    EXPECT_NEAR(estimated[k], truth[k], 1e-5) << "tick " << k;
   EXPECT_EQ(report()["wraps"], 1);
   EXPECT_EQ(report()["bad_lines"], 0) << process.err();
   EXPECT_GT(report()["contacts"][0]["pulses"], 20);
@@ -449,6 +490,10 @@ TEST_F(ListenProgramTest, BadUsageIsRefusedWithExitCode2) {
   refused({"--stamp", "arrival", "--speed", "max"}, "--speed");
   refused({"--impacts-at", "rising", "--pulse-shorter-than", "1"}, "--pulse-shorter-than");
   refused({"--record", path("x.csv")}, ".lcmlog");
+  write_text(path("clock.toml"), read_text(scene_) + "\n[clock]\nrate = 1.0002\n");
+  const Ended twice = run(LISTEN, {path("clock.toml"), "--url", url_, "--rate", "1.0002"});
+  EXPECT_EQ(twice.code, 2) << twice.err;
+  EXPECT_NE(twice.err.find("--rate and clock.rate"), std::string::npos) << twice.err;
   refused({"--record", scene_}, "SCENE and --record are the same file");
   refused({"--unit", "h"}, "choose s, ms, us, ns");
   refused({"--counter-bits", "65"}, "from 1 to 64");

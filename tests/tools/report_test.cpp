@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "sprag/detail/identification/verdict.h"
 #include "tests/support/program_test.h"
 #include "tools/report/analysis.h"
 #include "tools/report/html.h"
@@ -325,13 +326,24 @@ TEST_F(ReportTest, ReportOfAnIdentificationHasParametersAndResiduals) {
     expect_self_contained(html);
     EXPECT_TRUE(has(html, "<strong>The events fit, with 3 parameters as found.</strong>"));
     EXPECT_TRUE(has(html, "predicts the impacts of the last fifth within"));
-    EXPECT_EQ(count_of(html, "<svg"), 2u) << "correlations and residuals";
+    EXPECT_EQ(count_of(html, "<svg"), 3u) << "intervals, correlations and residuals";
+    EXPECT_TRUE(has(html, "Fitted values with 95 % intervals"));
     EXPECT_TRUE(has(html, "impact.restitution"));
     EXPECT_TRUE(has(html, ">1.00<")) << "the diagonal of the correlations";
     EXPECT_TRUE(has(html, "residuals are within 2 sigma"));
     EXPECT_FALSE(has(html, "<h2>Motion</h2>"));
     EXPECT_EQ(has(html, "sprag identify "), as_report) << "--json has no command line";
   }
+}
+
+TEST(RoundedToSigma, ShowsTwoDigitsOfSigma) {
+  EXPECT_EQ(rounded_to_sigma(0.650071234, 6e-5), "0.650071");
+  EXPECT_EQ(rounded_to_sigma(1.1457, 0.26), "1.15");
+  EXPECT_EQ(rounded_to_sigma(-1.1457, 0.1), "-1.15");
+  EXPECT_EQ(rounded_to_sigma(1.000200012345, 1e-9), "1.000200012") << "no more than ten digits";
+  EXPECT_EQ(rounded_to_sigma(3e-6, 7.2e-6), "3e-06");
+  EXPECT_EQ(rounded_to_sigma(-0.0, 1.0), "0");
+  EXPECT_EQ(rounded_to_sigma(0.123456789, 0.0), "0.123457");
 }
 
 TEST_F(ReportTest, RefusedIdentificationHasItsReason) {

@@ -8,16 +8,16 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/files/input_file.h"
+#include "sprag/detail/study/design.h"
+#include "sprag/detail/study/quantities.h"
+#include "sprag/detail/study/random.h"
+#include "sprag/detail/study/trial.h"
 #include "sprag/energy.h"
 #include "sprag/observer.h"
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"
 #include "tests/support/temporary_directory.h"
-#include "tools/study/design.h"
-#include "tools/study/quantities.h"
-#include "tools/study/random.h"
 #include "tools/study/row_file.h"
-#include "tools/study/trial.h"
 
 namespace sprag::study {
 namespace {
@@ -29,7 +29,7 @@ class StudyTest : public testing::Test {
  protected:
   Study read(const std::string& text, const std::string& scene = "lab_rig") {
     write_text(file(), "scene = \"" SPRAG_SOURCE_DIR "/scenes/" + scene + ".toml\"\n" + text);
-    return read_study(file());
+    return read_study(file(), {});
   }
 
   /// The error message without the name of the file.

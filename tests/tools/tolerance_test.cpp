@@ -5,12 +5,13 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "sprag/detail/tolerance/search.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tools/tolerance/modes.h"
 #include "tools/tolerance/print.h"
-#include "tools/tolerance/search.h"
+#include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {
 namespace {

@@ -512,6 +512,41 @@ quantity = "velocity"
   }
 }
 
+// A model of `n` coordinates with stiffness `coupling` between neighbours, and one contact.
+Scene coupled(Eigen::Index n, double coupling) {
+  Model model;
+  model.M = Eigen::MatrixXd::Identity(n, n);
+  model.C = Eigen::MatrixXd::Zero(n, n);
+  model.K = 4.0 * Eigen::MatrixXd::Identity(n, n);
+  model.K.diagonal(1).setConstant(coupling);
+  model.K.diagonal(-1).setConstant(coupling);
+  Contact contact;
+  contact.w = Eigen::VectorXd::Unit(n, n - 2);
+  contact.clearance = 0.1;
+  model.contacts.push_back(contact);
+  Scene scene;
+  scene.model = model;
+  return scene;
+}
+
+TEST(DrawnMachine, MetresAndRadiansShareNoAxis) {
+  EXPECT_EQ(DrawnMachine(coupled(14, -1.0)).names().size(), 14u) << "masses and springs";
+  const DrawnMachine elements(coupled(14, 1.0));
+  EXPECT_EQ(elements.kind(), DrawnMachine::Kind::nodes);
+  EXPECT_EQ(elements.names(), std::vector<std::string>{"contact 1"});
+  Scene shaken = coupled(6, 1.0);
+  EXPECT_EQ(DrawnMachine(shaken).names().size(), 6u);
+  shaken.frame.emplace();
+  shaken.frame->influence = Eigen::VectorXd::Zero(6);
+  shaken.frame->influence[0] = shaken.frame->influence[2] = 1.0;  // the contact is at the fifth
+  const DrawnMachine deflections(shaken);
+  EXPECT_EQ(deflections.kind(), DrawnMachine::Kind::chain);
+  EXPECT_EQ(deflections.names(), (std::vector<std::string>{"q1", "q3", "q5"}));
+  EXPECT_EQ(deflections.stops()[0].across, deflections.places()[2]);
+  const Eigen::VectorXd q = Eigen::VectorXd::LinSpaced(6, 1.0, 6.0);
+  EXPECT_EQ(deflections.shape(q, 0.0), (std::vector<double>{1.0, 3.0, 5.0}));
+}
+
 TEST(DrawnMachine, PeriodIsThatOfTheExcitationElseOfTheVibration) {
   Scene scene = two_carriages();
   EXPECT_NEAR(longest_period(scene.model).value(), 2.0 * std::numbers::pi / 2.7, 1e-12);

@@ -18,13 +18,6 @@ constexpr double exact = 1e-8;  // of the usual time between impacts: below it t
 
 std::string number(double value, int digits) { return short_number(value, digits); }
 
-// As many digits as sigma supports, within a readable limit.
-std::string rounded(double value, double sigma) {
-  if (!(sigma > 0.0) || value == 0.0) return number(value, 8);
-  const double digits = std::ceil(std::log10(std::abs(value) / sigma)) + 1.0;
-  return number(value, static_cast<int>(std::clamp(digits, 2.0, 8.0)));
-}
-
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
   const bool absolute = fitted.unknown.kind == Kind::phase || fitted.unknown.kind == Kind::delay ||
@@ -46,7 +39,7 @@ std::string note_of(const IdentifyResult& result, const FittedUnknown& fitted) {
 std::string value_of(const FittedUnknown& fitted) {
   if (!fitted.determined) return "not determined";
   if (!fitted.at_bound) {
-    return rounded(fitted.value, fitted.sigma) + " +- " + number(fitted.sigma, 2);
+    return rounded_to_sigma(fitted.value, fitted.sigma) + " +- " + number(fitted.sigma, 2);
   }
   const bool below = fitted.high - fitted.value > fitted.value - fitted.low;
   return number(fitted.value, 6) + (below ? ", below " : ", above ") +
@@ -82,7 +75,7 @@ std::string instead(const Explanation& cause) {
   std::string text;
   for (const FittedUnknown& fitted : cause.fit.unknowns) {
     if (!text.empty()) text += " and ";
-    std::string value = fitted.unknown.key + ' ' + rounded(fitted.value, fitted.sigma) +
+    std::string value = fitted.unknown.key + ' ' + rounded_to_sigma(fitted.value, fitted.sigma) +
                         " instead of " + number(fitted.unknown.nominal, 6);
     if (fitted.unknown.kind == Kind::clock_rate) {
       value = "a contact clock that is " + pace_of_clock(fitted.value) + " (" + value + ')';
@@ -134,12 +127,12 @@ void append_model_error(const IdentifyResult& result, std::string& text) {
   const RestitutionTrend& trend = *error.trend;
   if (!error.is_trend()) {
     text += "No dependence of the restitution on the impact's speed is found: " +
-            rounded(trend.trend, trend.sigma) + " +- " + number(trend.sigma, 2) +
+            rounded_to_sigma(trend.trend, trend.sigma) + " +- " + number(trend.sigma, 2) +
             " per unit of speed.\n";
     return;
   }
   text += std::string("Restitution ") + (trend.trend < 0.0 ? "falls" : "rises") + " by " +
-          rounded(std::abs(trend.trend), trend.sigma) + " +- " + number(trend.sigma, 2) +
+          rounded_to_sigma(std::abs(trend.trend), trend.sigma) + " +- " + number(trend.sigma, 2) +
           " per unit of the impact's speed: chi^2 falls from " + number(trend.chi2_without, 4) +
           " to " + number(trend.chi2_with, 4) + ".\n";
 }
@@ -184,17 +177,26 @@ std::string list(const Eigen::VectorXd& values, const Eigen::VectorXd& sigmas) {
   std::string text;
   constexpr Eigen::Index most = 4;
   for (Eigen::Index i = 0; i < std::min(values.size(), most); ++i) {
-    text += (i > 0 ? ", " : "") + rounded(values[i], sigmas[i]) + " +- " + number(sigmas[i], 2);
+    text += (i > 0 ? ", " : "") + rounded_to_sigma(values[i], sigmas[i]) + " +- " +
+            number(sigmas[i], 2);
   }
   return text + (values.size() > most ? ", ..." : "");
 }
 
 std::vector<double> numbers_of(const Eigen::VectorXd& v) { return {v.data(), v.data() + v.size()}; }
 
+// The value at an end, -1 or 1, of the range within which the parameter is assumed. For a phase, an
+// offset or a clearance, which are not limited, it only is a scale.
+double of_range(const Unknown& unknown, int end) {
+  const double share = end < 0 ? -std::min(unknown.within, 0.9) : unknown.within;
+  return unknown.value(unknown.logarithmic ? std::log1p(share) : share);
+}
+
 nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   nlohmann::ordered_json entry{{"parameter", fitted.unknown.key}, {"unit", fitted.unknown.unit}};
   entry["nominal"] = fitted.unknown.nominal;
   entry["within"] = fitted.unknown.within;
+  entry["range"] = {of_range(fitted.unknown, -1), of_range(fitted.unknown, 1)};
   entry["told"] = fitted.determined;
   entry["determined"] = fitted.determined;
   entry["value"] = nullptr;

@@ -36,7 +36,8 @@ int main(int argc, char** argv) {
                   "F.csv|F.lcmlog", "Write an events CSV or an LCM log here, not to stdout");
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
-    const auto contacts = sprag::load_scene(scene, common).model.contacts.size();
-    return sprag::run_import(run, static_cast<int>(contacts), common, report);
+    const sprag::Scene machine = sprag::load_scene(scene, common);
+    sprag::check_clock(machine.clock, run.import.rate, run.import.offset);
+    return sprag::run_import(run, static_cast<int>(machine.model.contacts.size()), common, report);
   });
 }

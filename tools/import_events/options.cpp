@@ -1,12 +1,13 @@
 #include "tools/import_events/options.h"
 
 #include <CLI/CLI.hpp>
+#include <iostream>
 #include <string_view>
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/import/clock_time.h"
-#include "tools/import_events/unit.h"
+#include "sprag/detail/import/unit.h"
 
 namespace sprag {
 namespace {
@@ -71,6 +72,17 @@ void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offs
   add_positive(app, "--rate", rate, "R",
                "Seconds of the clock of the times per second of the machine: 1.0002 for a clock "
                "that is 200 ppm fast [1]");
+}
+
+void check_clock(const ContactClock& clock, double rate, const Decimal& offset) {
+  if (rate != 1.0 && clock.rate != 1.0) {
+    throw UsageError(
+        "--rate and clock.rate of the scene would correct the same clock twice; leave one of them "
+        "out");
+  }
+  if (offset.mantissa != 0 && clock.offset != 0.0) {
+    std::cerr << "clock.offset of the scene counts in addition to --offset\n";
+  }
 }
 
 void add_format_options(CLI::App& app, std::vector<std::string>& names,

@@ -1,6 +1,7 @@
 // Options that say where the times of contacts are in a file and how they become events.
 #pragma once
 
+#include "sprag/contact_clock.h"
 #include "tools/import_events/run.h"
 
 namespace CLI {
@@ -16,6 +17,9 @@ void add_level_columns(CLI::App& app, std::vector<ColumnOption>& columns);
 void add_level_options(CLI::App& app, LevelOptions& levels);
 /// --unit, --offset, --rate.
 void add_time_options(CLI::App& app, std::optional<Decimal>& unit, Decimal& offset, double& rate);
+/// Throws UsageError if --rate and the scene's [clock] would both correct the rate of the clock.
+/// Says on stderr that two offsets add up.
+void check_clock(const ContactClock& clock, double rate, const Decimal& offset);
 /// --columns, --separator.
 void add_format_options(CLI::App& app, std::vector<std::string>& names,
                         std::optional<char>& separator);

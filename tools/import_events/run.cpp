@@ -7,10 +7,10 @@
 #include <stdexcept>
 
 #include "sprag/detail/files/input_file.h"
+#include "sprag/detail/import/unit.h"
 #include "sprag/events_file.h"
 #include "tools/import_events/contact_log.h"
 #include "tools/import_events/hints.h"
-#include "tools/import_events/unit.h"
 
 namespace sprag {
 

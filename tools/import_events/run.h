@@ -9,8 +9,8 @@
 
 #include "command_line/program.h"
 #include "sprag/detail/import/import.h"
+#include "sprag/detail/import/levels.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/levels.h"
 
 namespace sprag {
 

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "tools/import_events/unit.h"
+#include "sprag/detail/import/unit.h"
 
 namespace sprag {
 

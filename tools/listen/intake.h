@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "tools/edges/contact_stream.h"
-#include "tools/edges/level_edges.h"
+#include "sprag/detail/import/contact_stream.h"
+#include "sprag/detail/import/level_edges.h"
 #include "tools/listen/arrival_scatter.h"
 #include "tools/listen/device_clock.h"
 #include "tools/listen/line_parser.h"

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "sprag/detail/import/clock_time.h"
+#include "sprag/detail/import/levels.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/levels.h"
 
 namespace sprag {
 

@@ -4,6 +4,7 @@
 
 #include "command_line/program.h"
 #include "sprag/scene.h"
+#include "tools/import_events/options.h"
 #include "tools/listen/options.h"
 #include "tools/listen/run.h"
 
@@ -32,6 +33,7 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene machine = sprag::load_scene(scene, common);
+    sprag::check_clock(machine.clock, run.intake.clock.rate, run.intake.clock.offset);
     // Messages are on the contact clock, which runs at this rate.
     run.intake.clock.speed *= machine.clock.rate;
     return sprag::run_listen(run, static_cast<int>(machine.model.contacts.size()), common, report);

@@ -22,10 +22,10 @@ p { margin: 0.5rem 0; }
 .verdict.good { border-color: #009e73; }
 .verdict.bad { border-color: #d55e00; }
 .verdict p { margin: 0.2rem 0; }
-.about { font-size: 0.85rem; color: #555; }
+.about { font-size: 0.85em; color: #555; }
 .scroll { overflow-x: auto; margin: 0.8rem 0; }
 table { border-collapse: collapse; font-size: 0.9rem; }
-caption { text-align: left; padding: 0.3rem 0; color: #444; }
+caption { text-align: left; padding: 0.3rem 0; color: #444; break-after: avoid; }
 th, td { padding: 0.25rem 0.7rem 0.25rem 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #e2e2e2; overflow-wrap: normal; }
 th { border-bottom-color: #888; }
@@ -34,7 +34,7 @@ th.number { text-align: right; }
 td.long { min-width: 14rem; overflow-wrap: anywhere; }
 figure { margin: 1rem 0; break-inside: avoid; }
 figure svg { display: block; width: 100%; min-width: 32rem; height: auto; }
-figcaption { font-size: 0.9rem; color: #444; }
+figcaption { font-size: 0.9em; color: #444; }
 footer { margin-top: 2.5rem; font-size: 0.85rem; color: #555; }
 @page { size: A4; margin: 16mm 14mm; }
 @media print {
@@ -42,7 +42,7 @@ footer { margin-top: 2.5rem; font-size: 0.85rem; color: #555; }
   .scroll { overflow: visible; }
   figure svg { min-width: 0; max-width: 17cm; }
   table { font-size: 8.5pt; }
-  tr, .verdict { break-inside: avoid; }
+  tr, .verdict, .short { break-inside: avoid; }
 }
 )";
 
@@ -69,7 +69,10 @@ std::string cell(const char* tag, const std::string& text, bool number) {
 }
 
 std::string html_of(const TextTable& table) {
-  std::string html = "<div class=\"scroll\"><table>\n";
+  constexpr std::size_t most_of_short = 8;  // rows; longer ones would leave much of a page empty
+  const bool is_short = table.rows.size() <= most_of_short;
+  std::string html =
+      std::string("<div class=\"scroll") + (is_short ? " short" : "") + "\"><table>\n";
   if (!table.caption.empty()) html += "<caption>" + escaped(table.caption) + "</caption>\n";
   std::vector<bool> numbers;
   for (std::size_t i = 0; i < table.head.size(); ++i) numbers.push_back(all_numbers(table, i));

@@ -16,13 +16,23 @@ std::string sentence(std::string clause) {
   return clause;
 }
 
+// "N m²" for "N m^2".
+std::string unit_at(const Json& parameter) {
+  std::string unit = text_at(parameter, "/unit");
+  const std::string power = "^2";
+  for (std::size_t at = unit.find(power); at != std::string::npos; at = unit.find(power, at)) {
+    unit.replace(at, power.size(), "²");
+  }
+  return unit;
+}
+
 TextTable parameters_of(const Json& content) {
   TextTable table{"Parameters: value of the scene, fitted value, standard deviation, 95 % interval",
                   {"parameter", "scene", "fitted", "sigma", "95 % interval", "change"},
                   {}};
   for (const Json& of : list_at(content, "/parameters")) {
     const double nominal = number_at(of, "/nominal").value_or(unknown);
-    const std::string unit = text_at(of, "/unit");
+    const std::string unit = unit_at(of);
     std::vector<std::string> row{
         text_at(of, "/parameter") + (unit.empty() ? "" : " [" + unit + "]"), rounded(nominal, 6)};
     const auto value = number_at(of, "/value");
@@ -46,6 +56,32 @@ TextTable parameters_of(const Json& content) {
     table.rows.push_back({held, "", "held: it sets the scale", "", "", ""});
   }
   return table;
+}
+
+void add_intervals(const Json& content, Section& section) {
+  std::vector<Interval> intervals;
+  for (const Json& of : list_at(content, "/parameters")) {
+    const auto value = number_at(of, "/value"), low = number_at(of, "/low"),
+               high = number_at(of, "/high"), nominal = number_at(of, "/nominal"),
+               least = number_at(of, "/range/0"), most = number_at(of, "/range/1");
+    if (!is_true_at(of, "/determined") || !value || !low || !high || !nominal || !least || !most) {
+      continue;
+    }
+    const auto in_range = [&](double x) {
+      const double end = x < *nominal ? *nominal - *least : *most - *nominal;
+      return (x - *nominal) / std::max(std::abs(end), std::numeric_limits<double>::min());
+    };
+    const double sigma = number_at(of, "/sigma").value_or(*high - *low);
+    const std::string unit = unit_at(of);
+    intervals.push_back({text_at(of, "/parameter"),
+                         rounded_to(*value, sigma) + (unit.empty() ? "" : " " + unit),
+                         in_range(*value), in_range(*low), in_range(*high)});
+  }
+  if (intervals.empty()) return;
+  section.blocks.emplace_back(interval_picture(
+      intervals,
+      "Fitted values with 95 % intervals, against the scene's values and the ranges within which "
+      "they were assumed."));
 }
 
 void add_correlations(const Json& content, Section& section) {
@@ -218,6 +254,7 @@ Section identification_section(const JsonFile& identification, const Scene& scen
     section.blocks.emplace_back(Paragraph{
         "Other values of the parameters fit the events as well: the result is ambiguous."});
   }
+  add_intervals(content, section);
   add_facts(content, section);
   add_correlations(content, section);
   add_residuals(content, section);

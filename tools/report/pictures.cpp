@@ -131,4 +131,49 @@ Picture correlation_picture(const std::vector<std::string>& names,
   return {caption, std::move(script).text()};
 }
 
+Picture interval_picture(const std::vector<Interval>& intervals, const std::string& caption) {
+  using plot::number;
+  const auto n = static_cast<double>(intervals.size());
+  std::size_t longest = 4, widest = 4;
+  double reach = 1.0;
+  std::vector<double> x, y, low, high;
+  std::string y_tics;
+  for (const Interval& of : intervals) {
+    longest = std::max(longest, plot::shown_length(of.name));
+    widest = std::max(widest, plot::shown_length(of.text));
+    reach = std::max({reach, std::abs(of.value), std::abs(of.low), std::abs(of.high)});
+    x.push_back(of.value);
+    low.push_back(of.low);
+    high.push_back(of.high);
+    y.push_back(static_cast<double>(y.size() + 1));
+    y_tics += (y_tics.empty() ? "" : ", ") + plot::quoted(of.name) + " " + number(y.back());
+  }
+  constexpr double row = 26.0, below = 66.0, width = 668.0, of_character = 7.4;
+  const double left = of_character * static_cast<double>(longest) + 20.0;
+  const double right =
+      std::max(width - of_character * static_cast<double>(widest) - 16.0, left + 160.0);
+  const double height = row * n + 14.0;
+  plot::Script script(svg, std::max(width, right + 40.0), height + below);
+  script.margins({left, right, 10.0, 10.0 + height});
+  // An interval far beyond the range would squeeze all others.
+  const std::string end = number(1.05 * std::min(reach, 4.0));
+  script.line("set xrange [-" + end + ":" + end + "]");
+  script.line("set yrange [" + number(n + 0.6) + ":0.4]");
+  script.line("set ytics (" + y_tics + ") noenhanced");
+  script.line("set xlabel 'scene = 0, ends of the assumed range = ± 1'");
+  script.line("unset key");
+  script.line("set object 1 rectangle from -1," + number(n + 0.6) +
+              " to 1,0.4 behind fillcolor '#eef3f8' fillstyle solid noborder");
+  script.line("set arrow 1 from 0," + number(n + 0.6) + " to 0,0.4 nohead linecolor '#808080'");
+  for (std::size_t i = 0; i < intervals.size(); ++i) {
+    script.line("set label " + plot::quoted(intervals[i].text) + " at graph 1.02,first " +
+                number(y[i]) + " left noenhanced font ',10'");
+  }
+  script.plot({script.data({x, y, low, high}) +
+               " using 1:2:3:4 with xerrorbars pointtype 7 pointsize 0.7 linewidth 2 linecolor "
+               "'#0072B2' notitle"});
+  script.line("unset multiplot");
+  return {caption, std::move(script).text()};
+}
+
 }  // namespace sprag::report

@@ -28,4 +28,14 @@ Picture correlation_picture(const std::vector<std::string>& names,
                             const std::vector<std::vector<double>>& values,
                             const std::string& caption);
 
+/// A parameter with its 95 % interval. 0: the scene's value; -1 and 1: the ends of the range within
+/// which it was assumed.
+struct Interval {
+  std::string name, text;  ///< text: the value in words, beside the interval
+  double value = 0.0, low = 0.0, high = 0.0;
+};
+
+/// A row for each interval, over the assumed range as a band.
+Picture interval_picture(const std::vector<Interval>& intervals, const std::string& caption);
+
 }  // namespace sprag::report

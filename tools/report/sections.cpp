@@ -40,9 +40,7 @@ std::string rounded(double value, int digits) {
 }
 
 std::string rounded_to(double value, double sigma) {
-  if (!(sigma > 0.0) || value == 0.0 || !std::isfinite(value)) return rounded(value, 6);
-  const double digits = std::ceil(std::log10(std::abs(value) / sigma)) + 2.0;
-  return rounded(value, static_cast<int>(std::clamp(digits, 2.0, 10.0)));
+  return std::isfinite(value) ? rounded_to_sigma(value, sigma) : "not determined";
 }
 
 Section provenance_section(const Inputs& inputs) {

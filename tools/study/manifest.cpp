@@ -8,7 +8,7 @@
 
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/output_file.h"
-#include "tools/study/quantities.h"
+#include "sprag/detail/study/quantities.h"
 
 namespace sprag::study {
 namespace {

@@ -6,8 +6,8 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
+#include "sprag/detail/study/study_file.h"
 #include "tools/study/schedule.h"
-#include "tools/study/study_file.h"
 
 namespace sprag::study {
 

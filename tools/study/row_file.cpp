@@ -24,19 +24,19 @@ namespace {
 constexpr auto time_between_syncs = std::chrono::seconds(10);
 
 // Position of a line within its run.
-struct Row {
+struct ParsedRow {
   std::int64_t index = 0;
   bool first = true, last = true;  // row of its run
   bool failed = false;
 };
 
-std::optional<Row> parse_row(std::string_view line, const Layout& layout,
-                             std::vector<std::string_view>& fields) {
+std::optional<ParsedRow> parse_row(std::string_view line, const Layout& layout,
+                                   std::vector<std::string_view>& fields) {
   split_fields(line, fields);
   if (fields.size() != layout.fields) return std::nullopt;
   const auto index = parse_integer(fields[0]);
   if (!index) return std::nullopt;
-  Row row{*index, true, true, !fields.back().empty()};
+  ParsedRow row{*index, true, true, !fields.back().empty()};
   if (layout.n_field == 0) return row;
   const auto n = parse_integer(fields[layout.n_field]);
   if (!n || (*n == 0) != row.failed) return std::nullopt;
@@ -73,11 +73,11 @@ Contents read_rows(const std::filesystem::path& file, const Layout& layout, Rang
   std::uint64_t at = line.size() + 1;
   contents.end = at;
   std::vector<std::string_view> fields;
-  std::optional<Row> before;
+  std::optional<ParsedRow> before;
   std::uint64_t begin = at;  // of the current run
   while ((result = lines.next(line)) == LineReader::Result::line) {
     if (lines.number() % 10000 == 0) check_interrupt();
-    const std::optional<Row> row = parse_row(line, layout, fields);
+    const std::optional<ParsedRow> row = parse_row(line, layout, fields);
     if (!row) refuse(file, lines.number(), "is no row");
     const bool within = before && !before->last;  // the run of `before` continues
     if (within ? row->index != before->index || row->first : !row->first) {

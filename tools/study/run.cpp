@@ -16,11 +16,11 @@
 #include "command_line/printable.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/study/quantities.h"
+#include "sprag/detail/study/study_file.h"
 #include "tools/study/manifest.h"
-#include "tools/study/quantities.h"
 #include "tools/study/row_file.h"
 #include "tools/study/schedule.h"
-#include "tools/study/study_file.h"
 
 namespace sprag::study {
 namespace {
@@ -282,7 +282,7 @@ int serve(const StudyRun& run, Ranks& ranks) {
   const std::uint64_t hash = ranks.from_manager(refused);
   if (hash == refused) return exit_usage;  // rank 0 prints the reason
   try {
-    const Study study = read_study(run.study);
+    const Study study = read_study(run.study, scenes_folder());
     if (study.hash != hash) {
       throw InputError(run.study.string() + ": is another one, or of another scene, on this host");
     }
@@ -313,7 +313,7 @@ int run_study(const StudyRun& run, Ranks& ranks, CommonOptions& common, Json& re
   std::optional<Study> study;
   std::optional<Session> session;
   try {
-    study.emplace(read_study(run.study));
+    study.emplace(read_study(run.study, scenes_folder()));
     for (const std::string& remark : study->scene.remarks) {
       std::cerr << remark << '\n';
     }

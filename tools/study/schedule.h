@@ -11,15 +11,9 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/study/range.h"
+
 namespace sprag::study {
-
-/// Indices first, ..., end - 1.
-struct Range {
-  std::int64_t first = 0, end = 0;
-
-  std::int64_t size() const { return end - first; }
-  friend bool operator==(const Range&, const Range&) = default;
-};
 
 /// The parts of `all` outside of `done`. These must lie in `all` without overlap, in any order.
 std::vector<Range> missing_ranges(Range all, std::vector<Range> done);
@@ -30,11 +24,6 @@ struct Chunk {
   std::string text;
   std::int64_t failures = 0;
   double seconds = 0.0;  ///< computing time
-};
-
-/// Number of computed runs, and how many of them failed.
-struct Computed {
-  std::int64_t runs = 0, failures = 0;
 };
 
 /// Appends the rows of the first runs of a nonempty range: as many as are computed at once, at

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "sprag/detail/tolerance/search.h"
 #include "tools/tolerance/modes.h"
-#include "tools/tolerance/search.h"
 
 namespace sprag::tolerance {
 

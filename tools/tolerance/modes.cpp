@@ -9,7 +9,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "command_line/in_parallel.h"
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/files/csv.h"
 #include "tools/tolerance/words.h"

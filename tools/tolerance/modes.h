@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sprag/detail/analysis/reduction_choice.h"
-#include "tools/tolerance/search.h"
+#include "sprag/detail/tolerance/search.h"
 
 namespace sprag::tolerance {
 

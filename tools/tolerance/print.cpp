@@ -57,20 +57,6 @@ void append_plain_words(const Tolerances& tolerances, const std::string& estimat
   if (!not_borne.empty()) append_wrapped(text, "It is not enough to have " + not_borne + ".");
 }
 
-const char* kind_name(Limit::Kind kind) {
-  switch (kind) {
-    case Limit::Kind::within:
-      return "within";
-    case Limit::Kind::beyond_all:
-      return "beyond_all";
-    case Limit::Kind::below_all:
-      return "below_all";
-    case Limit::Kind::never:
-      break;
-  }
-  return "never";
-}
-
 }  // namespace
 
 std::string limit_text(const Deviation& deviation, const Limit& limit) {
@@ -159,12 +145,12 @@ void write_json(const Bench& bench, const Tolerances& tolerances, nlohmann::orde
     for (std::size_t e = 0; e < settings.estimators.size(); ++e) {
       const Limit& limit = found.limits[e];
       nlohmann::ordered_json& entry = of["tolerance"][study::name(settings.estimators[e])];
-      entry["kind"] = kind_name(limit.kind);
+      entry["kind"] = name(limit.kind);
       if (limit.kind != Limit::Kind::never) entry["amount"] = limit.amount;
       entry["text"] = limit_text(found.deviation, limit);
     }
     if (found.guaranteed) {
-      of["guaranteed"] = {{"kind", kind_name(found.guaranteed->kind)},
+      of["guaranteed"] = {{"kind", name(found.guaranteed->kind)},
                           {"text", limit_text(found.deviation, *found.guaranteed)}};
       if (found.guaranteed->kind != Limit::Kind::never) {
         of["guaranteed"]["amount"] = found.guaranteed->amount;

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
-#include "tools/tolerance/search.h"
+#include "sprag/detail/tolerance/search.h"
 
 namespace sprag::tolerance {
 

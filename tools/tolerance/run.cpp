@@ -11,12 +11,12 @@
 
 #include "command_line/scene_inputs.h"
 #include "sprag/detail/files/output_file.h"
+#include "sprag/detail/tolerance/search.h"
 #include "sprag/reduction.h"
 #include "tools/plot/script_text.h"
 #include "tools/tolerance/chart.h"
 #include "tools/tolerance/modes.h"
 #include "tools/tolerance/print.h"
-#include "tools/tolerance/search.h"
 
 namespace sprag::tolerance {
 namespace {

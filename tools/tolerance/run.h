@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "command_line/program.h"
-#include "tools/tolerance/bench.h"
+#include "sprag/detail/tolerance/bench.h"
 
 namespace sprag::tolerance {
 

@@ -1,4 +1,4 @@
-// Common parts of tables of medians: short numbers, aligned columns.
+// Common parts of tables of medians: short numbers, deviations in words, aligned columns.
 #pragma once
 
 #include <cstddef>
@@ -6,12 +6,18 @@
 #include <string>
 #include <vector>
 
-#include "tools/tolerance/search.h"
+#include "sprag/detail/tolerance/search.h"
 
 namespace sprag::tolerance {
 
 /// The number with two digits.
 std::string short_number(double value);
+
+/// "0.3 ms", "5 %", "0.02 rad", "0.1 per s and contact".
+std::string amount_text(const Deviation& of, double amount);
+
+/// "event times to 0.3 ms", "2 % of the events lost", "impact.restitution to 5 %".
+std::string in_words(const Deviation& of, double amount);
 
 /// Appends a line of cells, with minimum widths of the first and of the others.
 void add_line(const std::vector<std::string>& cells, std::size_t first, std::size_t other,

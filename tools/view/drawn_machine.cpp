@@ -23,6 +23,39 @@ std::vector<const Output*> displacements(const Model& model) {
   return result;
 }
 
+// Whether many coordinates may be of different kinds, as deflections and rotations of finite
+// elements. Springs between displacements alone make no positive entry of K off the diagonal.
+bool may_have_rotations(const Scene& scene) {
+  Eigen::MatrixXd K = scene.kept ? scene.kept->K : scene.model.K;
+  if (K.rows() <= longest_chain) return false;
+  const double rounding = 1e-9 * K.cwiseAbs().maxCoeff();
+  K.diagonal().setZero();
+  return K.maxCoeff() > rounding;
+}
+
+// The coordinate of a direction's largest entry, from 0.
+Eigen::Index largest_entry(const Eigen::VectorXd& w) {
+  Eigen::Index at = 0;
+  w.cwiseAbs().maxCoeff(&at);
+  return at;
+}
+
+// Coordinates to draw as a chain, from 0: without those that a shaken frame does not move, such as
+// rotations, unless a contact is there.
+std::vector<Eigen::Index> chain_of(const Scene& scene) {
+  const Eigen::Index n = scene.kept ? scene.kept->given() : scene.model.coordinates();
+  const bool frame = scene.frame && !scene.kept && !scene.frame->influence.isZero(0.0);
+  const auto at_contact = [&](Eigen::Index i) {
+    return std::any_of(scene.model.contacts.begin(), scene.model.contacts.end(),
+                       [i](const Contact& contact) { return largest_entry(contact.w) == i; });
+  };
+  std::vector<Eigen::Index> chain;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (!frame || scene.frame->influence[i] != 0.0 || at_contact(i)) chain.push_back(i);
+  }
+  return chain;
+}
+
 // s of w = s d; 0 if they are not parallel.
 double multiple(const Eigen::VectorXd& w, const Eigen::VectorXd& d) {
   const double s = w.dot(d) / d.squaredNorm();
@@ -84,11 +117,9 @@ DrawnMachine::DrawnMachine(const Scene& scene) : contacts_(scene.model.contacts)
     return;
   }
   const std::size_t outputs = displacements(scene.model).size();
-  if (outputs >= 2 || (outputs == 1 && f > longest_chain)) {
+  if (outputs >= 2 || (outputs == 1 && f > longest_chain) || may_have_rotations(scene)) {
     draw_nodes(scene);
   } else {
-    // A scene that keeps some modes is drawn by the coordinates of its file.
-    shapes_ = scene.kept ? scene.kept->Phi : Eigen::MatrixXd(Eigen::MatrixXd::Identity(f, f));
     draw_chain(scene);
   }
 }
@@ -121,7 +152,13 @@ void DrawnMachine::draw_nodes(const Scene& scene) {
 }
 
 void DrawnMachine::draw_chain(const Scene& scene) {
-  for (Eigen::Index i = 0; i < shapes_.rows(); ++i) {
+  // A scene that keeps some modes is drawn by the coordinates of its file.
+  const Eigen::Index f = scene.model.coordinates();
+  const Eigen::MatrixXd given =
+      scene.kept ? scene.kept->Phi : Eigen::MatrixXd(Eigen::MatrixXd::Identity(f, f));
+  const std::vector<Eigen::Index> chain = chain_of(scene);
+  shapes_ = given(chain, Eigen::all);
+  for (const Eigen::Index i : chain) {
     places_.push_back(static_cast<double>(i + 1));
     names_.push_back(std::string("q").append(std::to_string(i + 1)));
   }
@@ -129,8 +166,7 @@ void DrawnMachine::draw_chain(const Scene& scene) {
     Contact contact = contacts_[i];
     if (scene.kept) contact.w = scene.kept->given_w[i];
     // The contact is drawn between the two coordinates with the largest entries of w.
-    Eigen::Index first = 0;
-    contact.w.cwiseAbs().maxCoeff(&first);
+    const Eigen::Index first = largest_entry(contact.w);
     Eigen::VectorXd others = contact.w;
     others[first] = 0.0;
     Eigen::Index second = 0;

@@ -61,6 +61,14 @@ std::string short_number(double value, int digits) {
   return buffer;
 }
 
+std::string rounded_to_sigma(double value, double sigma) {
+  constexpr int usual = 6, most = 10;
+  if (!(sigma > 0.0) || value == 0.0) return short_number(value, usual);
+  const double digits =
+      std::floor(std::log10(std::abs(value))) - std::floor(std::log10(sigma)) + 2.0;
+  return short_number(value, static_cast<int>(std::clamp<double>(digits, 2, most)));
+}
+
 std::string pace_of_clock(double rate) {
   constexpr double many_ppm = 1e-2;
   const double error = std::abs(rate - 1.0);

@@ -23,4 +23,7 @@ std::string pace_of_clock(double rate);
 /// A number of `digits` significant digits; -0 is 0.
 std::string short_number(double value, int digits);
 
+/// A value to the second significant digit of its standard deviation; without one to six digits.
+std::string rounded_to_sigma(double value, double sigma);
+
 }  // namespace sprag

@@ -17,7 +17,7 @@
 namespace sprag {
 
 /// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which is converted
-/// to one of these (tools/import_events/levels.h). Indices from 0.
+/// to one of these (sprag/detail/import/levels.h). Indices from 0.
 struct ContactColumns {
   int contact = 0;
   std::optional<std::size_t> impacts, on, off;

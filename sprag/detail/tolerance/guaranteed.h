@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "tools/tolerance/search.h"
+#include "sprag/detail/tolerance/search.h"
 
 namespace sprag::tolerance {
 

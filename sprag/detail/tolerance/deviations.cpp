@@ -1,9 +1,8 @@
-#include "tools/tolerance/deviations.h"
+#include "sprag/detail/tolerance/deviations.h"
 
 #include <cmath>
 
 #include "sprag/detail/identification/machine_family.h"
-#include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {
 namespace {
@@ -14,12 +13,6 @@ constexpr double decades = 1e6;           // ratio of the largest amount of a ti
 constexpr double decades_of_share = 1e5;  // the same for a parameter
 // A frequency error grows to a phase error with time.
 constexpr double decades_of_frequency = 1e9;
-
-std::string time_text(double seconds) {
-  if (seconds >= 0.1) return short_number(seconds) + " s";
-  if (seconds >= 1e-4) return short_number(1e3 * seconds) + " ms";
-  return short_number(1e6 * seconds) + " us";
-}
 
 Deviation of_parameter(const Unknown& unknown) {
   Deviation deviation{Kind::parameter, unknown.key, unknown.unit, false, 0.0, 0.0, unknown};
@@ -74,38 +67,6 @@ Scene with_wrong_parameter(const Scene& scene, const Deviation& of, double amoun
   if (!possible(value)) value = off(other_way ? amount : -amount);
   if (!possible(value)) throw ModelError(of.name + " cannot be off by so much");
   return MachineFamily(scene, {unknown}).with(Eigen::VectorXd::Constant(1, value));
-}
-
-std::string amount_text(const Deviation& of, double amount) {
-  switch (of.kind) {
-    case Kind::jitter:
-    case Kind::offset:
-      return time_text(amount);
-    case Kind::spurious:
-      return short_number(amount) + " per s and contact";
-    case Kind::lost:
-    case Kind::parameter:
-      break;
-  }
-  if (of.share) return short_number(100.0 * amount) + " %";
-  return short_number(amount) + (of.unit.empty() ? "" : " " + of.unit);
-}
-
-std::string in_words(const Deviation& of, double amount) {
-  const std::string text = amount_text(of, amount);
-  switch (of.kind) {
-    case Kind::jitter:
-      return "event times to " + text;
-    case Kind::offset:
-      return "clocks to " + text;
-    case Kind::lost:
-      return text + " of the events lost";
-    case Kind::spurious:
-      return short_number(amount) + " false pulses per s and contact";
-    case Kind::parameter:
-      break;
-  }
-  return of.name + " to " + text;
 }
 
 }  // namespace sprag::tolerance

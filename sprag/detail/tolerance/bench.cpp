@@ -1,14 +1,14 @@
-#include "tools/tolerance/bench.h"
+#include "sprag/detail/tolerance/bench.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "command_line/in_parallel.h"
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/trial.h"
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/study/design.h"
 #include "sprag/energy.h"
-#include "tools/study/design.h"
 
 namespace sprag::tolerance {
 namespace {

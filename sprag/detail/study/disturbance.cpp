@@ -1,6 +1,6 @@
-#include "tools/study/disturbance.h"
+#include "sprag/detail/study/disturbance.h"
 
-#include "tools/study/random.h"
+#include "sprag/detail/study/random.h"
 
 namespace sprag::study {
 

@@ -1,4 +1,4 @@
-#include "tools/study/random.h"
+#include "sprag/detail/study/random.h"
 
 namespace sprag::study {
 

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "sprag/detail/study/disturbance.h"
+#include "sprag/detail/study/study_file.h"
 #include "sprag/scene.h"
-#include "tools/study/disturbance.h"
-#include "tools/study/study_file.h"
 
 namespace sprag::study {
 

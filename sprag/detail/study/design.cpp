@@ -1,4 +1,4 @@
-#include "tools/study/design.h"
+#include "sprag/detail/study/design.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,10 +6,10 @@
 #include <optional>
 
 #include "sprag/detail/files/scene_text.h"
+#include "sprag/detail/study/random.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
-#include "tools/study/random.h"
 
 namespace sprag::study {
 namespace {

@@ -1,5 +1,5 @@
-// Deviations of a machine's events or parameters from what the observer assumes, their range of
-// amounts, and their description in words.
+// Deviations of a machine's events or parameters from what the observer assumes, and their range
+// of amounts.
 #pragma once
 
 #include <optional>
@@ -39,11 +39,5 @@ std::vector<double> amounts(const Deviation& of, bool coarse);
 /// (`other_way`). If the parameter cannot deviate in that direction, the other one is used. Throws
 /// ModelError.
 Scene with_wrong_parameter(const Scene& scene, const Deviation& of, double amount, bool other_way);
-
-/// "0.3 ms", "5 %", "0.02 rad", "0.1 per s and contact".
-std::string amount_text(const Deviation& of, double amount);
-
-/// "event times to 0.3 ms", "2 % of the events lost", "impact.restitution to 5 %".
-std::string in_words(const Deviation& of, double amount);
 
 }  // namespace sprag::tolerance

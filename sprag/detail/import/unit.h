@@ -8,7 +8,7 @@
 
 #include "sprag/detail/import/column_file.h"
 #include "sprag/detail/import/decimal.h"
-#include "tools/import_events/choice.h"
+#include "sprag/detail/import/import.h"
 
 namespace sprag {
 
@@ -32,7 +32,7 @@ struct ChosenUnit {
 };
 
 /// `given` if it is specified; else the unit in the names of the chosen columns; else seconds.
-/// Throws UsageError (command_line/program.h) if no unit is specified and the names disagree or
+/// Throws InputError if no unit is specified and the names disagree or
 /// contain an unsupported unit.
 ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
                        const std::vector<ContactColumns>& chosen, const std::string& file);

@@ -1,4 +1,4 @@
-#include "tools/tolerance/guaranteed.h"
+#include "sprag/detail/tolerance/guaranteed.h"
 
 #include <algorithm>
 #include <cmath>

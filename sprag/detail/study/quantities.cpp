@@ -1,15 +1,18 @@
-#include "tools/study/quantities.h"
+#include "sprag/detail/study/quantities.h"
 
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <iterator>
 #include <limits>
 #include <optional>
 
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/recurrence.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/replica/replica_sweep.h"
+#include "sprag/error.h"
 #include "sprag/master.h"
 
 namespace sprag::study {
@@ -222,35 +225,14 @@ std::vector<std::vector<double>> Measurement::recorded(const Run& run) const {
   return rows;
 }
 
-void Measurement::append(const Run& run, std::string& text) const {
+void Measurement::append(const Run& run, std::vector<Row>& rows) const {
   std::int64_t n = run.failure.empty() ? 1 : 0;
-  for (const std::vector<double>& row : recorded(run)) {
-    append_number(text, run.index);
-    for (const std::int64_t number : {point_of(study_, run.index), run_of(study_, run.index)}) {
-      text += ',';
-      append_number(text, number);
-    }
-    const auto append_value = [&](double value) {
-      text += ',';
-      if (std::isnan(value)) {
-        text += "nan";  // without a sign
-      } else {
-        append_number(text, value);
-      }
-    };
-    for (const double value : run.values) append_value(value);
-    if (study_.record.poincare) {
-      text += ',';
-      append_number(text, n++);
-    }
-    for (const double value : row) append_value(value);
-    text += ',';
-    text += run.failure;
-    text += '\n';
+  for (std::vector<double>& row : recorded(run)) {
+    rows.push_back({run.index, run.values, n++, std::move(row), run.failure});
   }
 }
 
-Computed Measurement::append_rows(Range range, std::string& text) {
+Computed Measurement::append_rows(Range range, std::vector<Row>& rows) {
   std::vector<Run> runs(std::min<std::size_t>(together_, static_cast<std::size_t>(range.size())));
   Computed computed;
   for (Run& run : runs) {
@@ -259,10 +241,66 @@ Computed Measurement::append_rows(Range range, std::string& text) {
   }
   follow_all(runs);
   for (const Run& run : runs) {
-    append(run, text);
+    append(run, rows);
     if (!run.failure.empty()) ++computed.failures;
   }
   return computed;
+}
+
+Computed Measurement::append_rows(Range range, std::string& text) {
+  std::vector<Row> rows;
+  const Computed computed = append_rows(range, rows);
+  for (const Row& row : rows) append_line(study_, row, text);
+  return computed;
+}
+
+void append_line(const Study& study, const Row& row, std::string& text) {
+  append_number(text, row.index);
+  const auto append_whole = [&](std::int64_t number) {
+    text += ',';
+    append_number(text, number);
+  };
+  const auto append_value = [&](double value) {
+    text += ',';
+    if (std::isnan(value)) {
+      text += "nan";  // without a sign
+    } else {
+      append_number(text, value);
+    }
+  };
+  append_whole(point_of(study, row.index));
+  append_whole(run_of(study, row.index));
+  for (const double value : row.axes) append_value(value);
+  if (study.record.poincare) append_whole(row.n);
+  for (const double value : row.recorded) append_value(value);
+  text += ',';
+  text += row.failure;
+  text += '\n';
+}
+
+std::vector<Row> all_rows(const Study& study, int threads) {
+  // Parts are large enough for replicas that are computed at once, and many enough for all threads.
+  constexpr std::int64_t smallest = ReplicaSweep::lanes;
+  const std::int64_t total = study.indices();
+  const std::int64_t part =
+      std::clamp<std::int64_t>(total / (8 * std::int64_t{threads}), smallest, 16 * smallest);
+  const std::int64_t parts = (total + part - 1) / part;
+  if (parts > std::numeric_limits<int>::max()) throw Error("the study has too many runs");
+  std::vector<std::vector<Row>> of_parts(static_cast<std::size_t>(parts));
+  in_parallel(threads, static_cast<int>(parts), [&](int i) {
+    Range left{i * part, std::min((i + 1) * part, total)};
+    Measurement measurement(study);
+    while (left.size() > 0) {
+      check_interrupt();
+      left.first += measurement.append_rows(left, of_parts[static_cast<std::size_t>(i)]).runs;
+    }
+  });
+  std::vector<Row> rows;
+  for (std::vector<Row>& of_part : of_parts) {
+    rows.insert(rows.end(), std::make_move_iterator(of_part.begin()),
+                std::make_move_iterator(of_part.end()));
+  }
+  return rows;
 }
 
 }  // namespace sprag::study

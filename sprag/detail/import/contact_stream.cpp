@@ -1,4 +1,4 @@
-#include "tools/edges/contact_stream.h"
+#include "sprag/detail/import/contact_stream.h"
 
 #include <algorithm>
 #include <cmath>

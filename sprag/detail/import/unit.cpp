@@ -1,10 +1,10 @@
-#include "tools/import_events/unit.h"
+#include "sprag/detail/import/unit.h"
 
 #include <algorithm>
 #include <array>
 #include <utility>
 
-#include "command_line/program.h"
+#include "sprag/detail/files/input_file.h"
 
 namespace sprag {
 
@@ -60,7 +60,7 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
 }
 
 [[noreturn]] void ask(const std::string& why) {
-  throw UsageError(why + "; say which it is: --unit s, ms, us, ns or a number of seconds");
+  throw InputError(why + "; say which it is: --unit s, ms, us, ns or a number of seconds");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "tools/study/study_file.h"
+#include "sprag/detail/study/study_file.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,6 @@
 #include <string_view>
 #include <utility>
 
-#include "command_line/program.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/nearest_word.h"
 #include "sprag/detail/files/scene_text.h"
@@ -16,8 +15,8 @@
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/parameters/parameters.h"
+#include "sprag/detail/study/design.h"
 #include "sprag/scene_file.h"
-#include "tools/study/design.h"
 
 namespace sprag::study {
 namespace {
@@ -496,15 +495,17 @@ const char* name(EstimatorKind kind) {
   return "";
 }
 
-Study read_study(const std::filesystem::path& file,
+Study read_study(const std::filesystem::path& file, const std::filesystem::path& scenes,
                  const std::function<void(const std::filesystem::path&)>& names) {
-  if (const std::string why = scene_not_found(file, studies_folder()); !why.empty()) {
+  const std::filesystem::path studies = scenes.empty() ? scenes : scenes / "studies";
+  if (const std::string why = scene_not_found(file, studies); !why.empty()) {
     throw InputError(file.string() + ": " + why);
   }
-  return parse_study(read_whole(file), file, names);
+  return parse_study(read_whole(file), file, scenes, names);
 }
 
 Study parse_study(const std::string& text, const std::filesystem::path& file,
+                  const std::filesystem::path& scenes,
                   const std::function<void(const std::filesystem::path&)>& names) {
   Study study;
   study.file = file.string();
@@ -517,7 +518,7 @@ Study parse_study(const std::string& text, const std::filesystem::path& file,
   const std::string scene = root.required_string("scene");
   study.scene_file = file.parent_path() / scene;
   if (!std::filesystem::is_regular_file(study.scene_file)) {
-    study.scene_file = shipped_file(scene, scenes_folder());
+    study.scene_file = shipped_file(scene, scenes);
   }
   if (study.scene_file.empty()) {
     root.fail("scene", "is \"" + scene +

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tools/tolerance/bench.h"
+#include "sprag/detail/tolerance/bench.h"
 
 namespace sprag::tolerance {
 
@@ -21,7 +21,7 @@ struct Point {
   double amount = 0.0;
   std::vector<Spread> V;  ///< of each estimator
   /// For each estimator: share in which its error is far above the replica's, mean over the runs
-  /// (add_worse() of tools/study/trial.h). NaN for the replica, and if there is none.
+  /// (add_worse() of sprag/detail/study/trial.h). NaN for the replica, and if there is none.
   std::vector<double> worse;
 };
 
@@ -32,6 +32,9 @@ struct Limit {
   Kind kind = Kind::never;  ///< never: not even without deviation
   double amount = 0.0;      ///< the amount if `within`; else the largest or the least of the study
 };
+
+/// "within", "beyond_all", "below_all", "never".
+const char* name(Limit::Kind kind);
 
 struct Found {
   Deviation deviation;

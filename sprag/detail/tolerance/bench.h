@@ -6,10 +6,10 @@
 #include <vector>
 
 #include "sprag/detail/replica/any_replica.h"
-#include "tools/study/disturbance.h"
-#include "tools/study/study_file.h"
-#include "tools/study/trial.h"
-#include "tools/tolerance/deviations.h"
+#include "sprag/detail/study/disturbance.h"
+#include "sprag/detail/study/study_file.h"
+#include "sprag/detail/study/trial.h"
+#include "sprag/detail/tolerance/deviations.h"
 
 namespace sprag::tolerance {
 

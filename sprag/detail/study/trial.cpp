@@ -1,4 +1,4 @@
-#include "tools/study/trial.h"
+#include "sprag/detail/study/trial.h"
 
 #include <algorithm>
 #include <cmath>

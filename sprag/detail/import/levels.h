@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "sprag/detail/import/column_file.h"
-#include "tools/edges/level_edges.h"
-#include "tools/import_events/choice.h"
+#include "sprag/detail/import/import.h"
+#include "sprag/detail/import/level_edges.h"
 
 namespace sprag {
 
@@ -21,8 +21,8 @@ struct LevelOptions {
 
 /// Adds columns of times to `columns` for the contacts that have a level, and assigns them to these
 /// contacts. Rows must be in order of time. A level is high above the threshold; an edge is at the
-/// first row after the change. Returns messages for the user, one line each. Throws UsageError if
-/// levels are not 0 and 1 and no threshold is specified, InputError without a column of times.
+/// first row after the change. Returns messages for the user, one line each. Throws InputError if
+/// levels are not 0 and 1 and no threshold is specified, or without a column of times.
 std::vector<std::string> expand_levels(const LevelOptions& options, const std::string& file,
                                        ColumnFile& columns, std::vector<ContactColumns>& chosen);
 

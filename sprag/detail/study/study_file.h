@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "sprag/detail/replica/any_replica.h"
+#include "sprag/detail/study/disturbance.h"
 #include "sprag/scene.h"
-#include "tools/study/disturbance.h"
 
 namespace sprag::study {
 
@@ -102,15 +102,17 @@ struct Study {
 /// The estimator's name in study files and columns.
 const char* name(EstimatorKind kind);
 
-/// Reads and checks a study and its scene. Calls `names` with each file that they name before the
+/// Reads and checks a study and its scene, which may be the name of one in the folder `scenes`
+/// (shipped_scenes.h; empty: none). Calls `names` with each file that they name before the
 /// contents are checked further. Throws SceneError, with the position in the study file,
 /// InputError, and the exceptions of `names`.
-Study read_study(const std::filesystem::path& file,
+Study read_study(const std::filesystem::path& file, const std::filesystem::path& scenes,
                  const std::function<void(const std::filesystem::path&)>& names = {});
 
 /// The same from text. `file` is the name in errors; its folder is the one to which the scene's
 /// path is relative.
 Study parse_study(const std::string& text, const std::filesystem::path& file,
+                  const std::filesystem::path& scenes,
                   const std::function<void(const std::filesystem::path&)>& names = {});
 
 }  // namespace sprag::study

@@ -1,12 +1,12 @@
-#include "tools/import_events/levels.h"
+#include "sprag/detail/import/levels.h"
 
 #include <algorithm>
 #include <cctype>
 #include <limits>
 
-#include "command_line/program.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/import/decimal.h"
+#include "sprag/detail/import/level_edges.h"
 
 namespace sprag {
 
@@ -28,7 +28,7 @@ std::size_t time_column(const LevelOptions& options, const std::string& file,
     if (begins_with_time(columns.columns[i].name)) named.push_back(i);
   }
   if (named.size() == 1) return named[0];
-  throw UsageError(file +
+  throw InputError(file +
                    (named.empty() ? ": no column's name begins with 'Time'"
                                   : ": more than one column's name begins with 'Time'") +
                    "; say which has the times: --time NAME");
@@ -71,7 +71,7 @@ double threshold_of(const LevelOptions& options, const std::string& name,
     high = std::max(high, level.value);
   }
   if (!digital) {
-    throw UsageError("the levels of " + quoted(name) + " are not 0 and 1 (from " +
+    throw InputError("the levels of " + quoted(name) + " are not 0 and 1 (from " +
                      std::to_string(low) + " to " + std::to_string(high) +
                      "); say from where on it is high: --threshold X");
   }
@@ -88,7 +88,7 @@ std::vector<std::string> expand_levels(const LevelOptions& options, const std::s
     const std::size_t times = time_column(options, file, columns);
     const std::string name = columns.columns[*contact.level].name;
     if (times == *contact.level) {
-      throw UsageError("column " + quoted(name) + " is the one of times and has no levels");
+      throw InputError("column " + quoted(name) + " is the one of times and has no levels");
     }
     const std::vector<Level> levels = levels_of(times, *contact.level, columns);
     const double threshold = threshold_of(options, name, levels);

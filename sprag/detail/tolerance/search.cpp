@@ -1,13 +1,13 @@
-#include "tools/tolerance/search.h"
+#include "sprag/detail/tolerance/search.h"
 
 #include <algorithm>
 #include <cmath>
 #include <mutex>
 #include <set>
 
-#include "command_line/in_parallel.h"
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/quantile.h"
-#include "tools/tolerance/guaranteed.h"
+#include "sprag/detail/tolerance/guaranteed.h"
 
 namespace sprag::tolerance {
 namespace {
@@ -78,6 +78,20 @@ Limit limit_of(const Point& undisturbed, const std::vector<Point>& points, std::
 }
 
 }  // namespace
+
+const char* name(Limit::Kind kind) {
+  switch (kind) {
+    case Limit::Kind::within:
+      return "within";
+    case Limit::Kind::beyond_all:
+      return "beyond_all";
+    case Limit::Kind::below_all:
+      return "below_all";
+    case Limit::Kind::never:
+      break;
+  }
+  return "never";
+}
 
 Spread spread_of(const std::vector<double>& values) {
   const auto [low, high] = std::minmax_element(values.begin(), values.end());

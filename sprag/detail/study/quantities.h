@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "sprag/detail/mechanics/flows.h"
-#include "tools/study/design.h"
-#include "tools/study/schedule.h"
-#include "tools/study/study_file.h"
-#include "tools/study/trial.h"
+#include "sprag/detail/study/design.h"
+#include "sprag/detail/study/range.h"
+#include "sprag/detail/study/study_file.h"
+#include "sprag/detail/study/trial.h"
 
 namespace sprag::study {
 
@@ -20,14 +20,28 @@ std::vector<std::string> columns(const Study& study);
 /// Number of rows of a run that does not fail.
 int rows_of_run(const Study& study);
 
+/// A row of a run. A run has one, or with `poincare` one for each of its points, n = 1, 2, ...
+struct Row {
+  std::int64_t index = 0;
+  std::vector<double> axes;      ///< values of the study's axes
+  std::int64_t n = 0;            ///< with `poincare`; 0: the run failed
+  std::vector<double> recorded;  ///< the recorded quantities; NaN if the run failed
+  std::string failure;           ///< empty: none
+};
+
+/// Appends the row as a line of a CSV file, in the order of columns().
+void append_line(const Study& study, const Row& row, std::string& text);
+
 /// Computes runs, replicas of several runs at once. Data kept between calls only saves time.
 class Measurement {
  public:
   /// `study` must outlive this.
   explicit Measurement(const Study& study);
 
-  /// Appends the rows of the first runs of a nonempty range, each with its end of line. A failed
-  /// run is one row with NaN and the reason. Throws Interrupted.
+  /// Appends the rows of the first runs of a nonempty range. A failed run is one row with the
+  /// reason. Throws Interrupted.
+  Computed append_rows(Range range, std::vector<Row>& rows);
+  /// The same as lines of a CSV file.
   Computed append_rows(Range range, std::string& text);
 
  private:
@@ -37,7 +51,7 @@ class Measurement {
   void begin(Run& run);
   void follow_all(std::vector<Run>& runs) const;
   std::vector<std::vector<double>> recorded(const Run& run) const;
-  void append(const Run& run, std::string& text) const;
+  void append(const Run& run, std::vector<Row>& rows) const;
 
   const Study& study_;
   std::size_t recorded_;  // number of recorded columns
@@ -46,5 +60,9 @@ class Measurement {
   std::unique_ptr<const Setting> setting_;  // for values_
   std::unique_ptr<const Flows> flows_;      // of its machine
 };
+
+/// All rows of a study in order of index, computed on this many threads. The result does not depend
+/// on their number. Throws Interrupted.
+std::vector<Row> all_rows(const Study& study, int threads);
 
 }  // namespace sprag::study

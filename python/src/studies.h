@@ -1,0 +1,10 @@
+// Python bindings of studies and tolerances.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace sprag::python {
+
+void bind_studies(pybind11::module_& module);
+
+}  // namespace sprag::python
