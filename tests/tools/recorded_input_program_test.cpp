@@ -179,6 +179,14 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   const SampledInput::Settings& settings = fitted.model.forces[0].input->settings();
   EXPECT_EQ(settings.gain, found[0]["value"].get<double>());
   EXPECT_EQ(settings.delay, found[1]["value"].get<double>());
+  // And their deviations, for a filter.
+  const ParameterUncertainty& uncertain = fitted.prior.parameters;
+  ASSERT_EQ(uncertain.keys, (std::vector<std::string>{"excitation.gain", "excitation.delay"}));
+  EXPECT_NEAR(uncertain.sigma[0], found[0]["sigma"].get<double>(), 1e-6 * uncertain.sigma[0]);
+  const Ended observed = run(OBSERVER, {path("fitted.toml"), "--replay", path("events.csv"),
+                                        "--duration", "6", "--tick", "0.01"});
+  EXPECT_EQ(observed.code, 0) << observed.err;
+  EXPECT_NE(observed.err.find("excitation.delay"), std::string::npos) << observed.err;
 }
 
 TEST_F(RecordedInputPrograms, IdentifyRefusesEventsAfterTheRecord) {
