@@ -31,9 +31,9 @@ constexpr std::array health_counts{&Health::sessions,
                                    &Health::stale,
                                    &Health::overflowed,
                                    &Health::unsent};
-// Type hash, session, utime, tick, t; three flags; three rates, a count, six times; the counts; the
+// Type hash, session, utime, tick, t; four flags; three rates, a count, six times; the counts; the
 // number of causes.
-constexpr std::size_t fixed_size = 5 * 8 + 3 + 10 * 8 + 8 * health_counts.size() + 4;
+constexpr std::size_t fixed_size = 5 * 8 + 4 + 10 * 8 + 8 * health_counts.size() + 4;
 
 constexpr std::int32_t most_causes = 64;
 constexpr std::int32_t longest_cause = 64;  // including the final zero
@@ -100,6 +100,7 @@ std::span<const std::uint8_t> encode(const Health& health, std::vector<std::uint
   put(to, static_cast<std::int8_t>(health.last ? 1 : 0));
   put(to, static_cast<std::int8_t>(health.master));
   put(to, static_cast<std::int8_t>(health.estimate));
+  put(to, static_cast<std::int8_t>(health.input));
   put(to, health.period);
   put(to, health.real_time_factor);
   put(to, health.speed);
@@ -125,9 +126,11 @@ Refusal decode(std::span<const std::uint8_t> message, Health& health) {
   const auto last = take<std::int8_t>(from);
   const auto master = take<std::int8_t>(from);
   const auto estimate = take<std::int8_t>(from);
+  const auto input = take<std::int8_t>(from);
   health.last = last == 1;
   health.master = static_cast<Health::Master>(master);
   health.estimate = static_cast<Health::Estimate>(estimate);
+  health.input = static_cast<Health::Input>(input);
   health.period = take<double>(from);
   health.real_time_factor = take<double>(from);
   health.speed = take<double>(from);
@@ -145,7 +148,8 @@ Refusal decode(std::span<const std::uint8_t> message, Health& health) {
     return Refusal::bad_time;
   }
   if (!possible(health.real_time_factor) || !(health.speed >= 0.0)) return Refusal::bad_speed;
-  if (last < 0 || last > 1 || master < 0 || master > 3 || estimate < 0 || estimate > 3) {
+  if (last < 0 || last > 1 || master < 0 || master > 3 || estimate < 0 || estimate > 3 ||
+      input < 0 || input > 2) {
     return Refusal::bad_value;
   }
   if (!countable || causes < 0 || causes > most_causes) return Refusal::bad_count;

@@ -25,6 +25,11 @@ struct Health {
     silent = 2,    ///< the estimate is a free prediction
     ended = 3      ///< its run has ended; the estimate is a free prediction
   };
+  enum class Input : std::int8_t {
+    none = 0,      ///< the excitation is not streamed
+    received = 1,  ///< its samples arrive
+    silent = 2     ///< no sample for a second; the estimate holds the last one
+  };
   enum class Estimate : std::int8_t { none = 0, replica = 1, filter = 2, adaptive = 3 };
 
   /// Quantiles of a histogram [s].
@@ -39,6 +44,7 @@ struct Health {
   bool last = false;         ///< the observer's last message
   Master master = Master::awaited;
   Estimate estimate = Estimate::none;
+  Input input = Input::none;  ///< the streamed excitation
 
   // Over the time since the previous message.
   double period = 0.0;            ///< by the wall clock [s]

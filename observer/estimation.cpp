@@ -1,5 +1,6 @@
 #include "observer/estimation.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -17,13 +18,21 @@ namespace {
 // Throws UsageError for options that a streamed excitation excludes.
 const Scene& checked(const Scene& scene, const ObserverOptions& options) {
   if (!(scene.stream_duration > 0.0)) return scene;
-  const auto refuse = [](const char* option) {
-    throw UsageError(std::string(option) + " does not support a streamed excitation (the key " +
-                     "`stream`)");
+  const auto refuse = [](const std::string& option, const char* why) {
+    throw UsageError(option + " does not support a streamed excitation (the key `stream`): " + why);
   };
-  if (options.stepper != StepperKind::exact) refuse("--stepper moreau");
-  if (!options.impacts.empty()) refuse("--impacts");
-  if (options.predict > 0.0) refuse("--predict");
+  if (options.stepper != StepperKind::exact) {
+    refuse("--stepper moreau", "its steps would have to be repeated when samples arrive");
+  }
+  if (options.estimator == EstimatorKind::adaptive) {
+    refuse("--estimator adaptive", "identification needs the whole record");
+  }
+  const std::vector<std::string>& keys = scene.prior.parameters.keys;
+  if (std::find(keys.begin(), keys.end(), "excitation.delay") != keys.end()) {
+    // An earlier input would need samples that have not arrived.
+    refuse("[parameters] excitation.delay", "identify finds it in a log");
+  }
+  if (options.predict > 0.0) refuse("--predict", "its future is unknown");
   if (std::isfinite(options.duration) && options.duration > scene.stream_duration) {
     throw UsageError("--duration is longer than excitation.stream_duration of " +
                      printable(scene.name) + "; must be shorter, or the key must be larger");

@@ -27,6 +27,7 @@ Health health_of(const IntegrationStatus& status, const ReceptionFigures& recept
   health.tick = status.tick;
   health.t = status.t;
   health.master = status.master;
+  health.input = status.input;
   health.period = 1e-9 * static_cast<double>(status.period);
   if (status.period > 0) health.real_time_factor = status.simulated / health.period;
   health.speed = status.speed;

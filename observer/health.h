@@ -18,6 +18,7 @@ inline constexpr std::int64_t health_period = 1'000'000'000;  // ns
 struct IntegrationStatus {
   bool last = false;  ///< the thread has ended
   Health::Master master = Health::Master::awaited;
+  Health::Input input = Health::Input::none;
   std::int64_t session = 0;
   std::int64_t tick = -1;  ///< last estimated tick
   double t = -1.0;         ///< its time [s]

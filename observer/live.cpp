@@ -68,6 +68,11 @@ class LiveObserver {
       identification_.emplace(*family, TrackingEstimator::most_events);
       loop_.identify_in(*identification_);
     }
+    if (!options.impacts.empty() && estimation_.stream) {
+      throw UsageError(
+          "--impacts of a live run does not support a streamed excitation (the key `stream`); "
+          "record the run with sync_logger --record and replay the log");
+    }
     if (!options.impacts.empty() || options.predict > 0.0) {
       follower_.emplace(scene, options, bus_);
       loop_.set_follower(*follower_);

@@ -21,17 +21,11 @@ int main(int argc, char** argv) {
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(command.scene, common);
     sprag::complete(command);
-    if (command.options.estimator == sprag::EstimatorKind::adaptive) {
-      sprag::refuse_recorded_inputs(scene, "--estimator adaptive");
-    }
-    if (scene.stream_duration > 0.0) {
-      if (command.smooth) {
-        throw sprag::UsageError(
-            "--smooth does not support a streamed excitation (the key `stream`)");
-      }
-    } else if (std::isfinite(command.options.duration)) {
+    const bool streamed = scene.stream_duration > 0.0;
+    const double end = sprag::end_of_inputs(scene.model);
+    if (!streamed && std::isfinite(command.options.duration)) {
       sprag::require_inputs_until(scene, command.options.duration, "--duration");
-    } else if (const double end = sprag::end_of_inputs(scene.model); std::isfinite(end)) {
+    } else if (!streamed && std::isfinite(end)) {
       std::cerr << "the recorded input ends at t = " << end
                 << "; after it the observer holds its last value, which is not the machine's\n";
     }

@@ -391,6 +391,10 @@ void RealTimeLoop::hand_over_status(std::int64_t now) {
                    : at_end() ? Health::Master::ended
                    : silent   ? Health::Master::silent
                               : Health::Master::received;
+  if (estimation_.stream) {
+    const bool input_silent = now - last_input_ > silent_after || !estimation_.stream->started();
+    status_.input = input_silent ? Health::Input::silent : Health::Input::received;
+  }
   status_.session = sessions_.session();
   status_.tick = reached_;
   status_.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;

@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "observer/input_stream.h"
 #include "recording/recorded_events.h"
+#include "recording/recording.h"
 #include "sprag/detail/files/confidence_columns.h"
 #include "sprag/smoother.h"
 #include "sprag/states_file.h"
@@ -30,10 +32,50 @@ std::vector<std::string> smoothed_columns(const Model& model) {
   return names;
 }
 
+// The scene with the samples on SPRAG_INPUT of a log in place of its stream: those of the last
+// session, as the events. With a CSV of events the scene's own record is used.
+Scene with_logged_input(const Scene& scene, const std::filesystem::path& file,
+                        const CommonOptions& common) {
+  Scene recorded = scene;
+  recorded.stream_duration = 0.0;
+  InputFile log(file);
+  if (!(scene.stream_duration > 0.0) || !is_lcm_log(log)) return recorded;
+  const StreamedScene streamed(scene);
+  InputHistory history(*streamed.input);
+  std::int64_t session = 0;
+  RecordedMessages messages(std::move(log), static_cast<int>(scene.model.contacts.size()),
+                            scene.clock, key_of(common));
+  messages.on_input([&](const InputMessage& message) {
+    if (message.session != session) history.restart();
+    session = message.session;
+    history.take(message);
+  });
+  ContactMessage contacts;
+  Arrival arrival;
+  while (messages.next(contacts, arrival)) {
+  }
+  constexpr std::int64_t fewest = 4;
+  const SampledInput& input = *streamed.input;
+  if (std::ssize(input.knots()) < fewest || input.last() < 0.0) {
+    throw UsageError("--smooth: " + file.string() + " has no samples of the excitation");
+  }
+  std::vector<double> values;
+  for (std::size_t k = 0; k < input.knots().size(); ++k) values.push_back(input.at_knot(k)[2]);
+  const auto record = std::make_shared<const SampledInput>(
+      input.knots(), values,
+      SampledInput::Settings{.outside = Outside::hold, .noise = input.noise()});
+  for (Force& force : recorded.model.forces) {
+    if (force.input) force.input = record;
+  }
+  if (recorded.frame && recorded.frame->input) recorded.frame->input = record;
+  return recorded;
+}
+
 }  // namespace
 
-int run_smoothing(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
+int run_smoothing(const Scene& given, const ObserverOptions& options, const ReplayOptions& replay,
                   const CommonOptions& common, nlohmann::ordered_json& report) {
+  const Scene scene = with_logged_input(given, replay.file, common);
   const Model& model = scene.model;
   const RecordedEvents recorded = read_recorded_events(replay.file, scene, options.duration,
                                                        AfterLoss::dropped, common, report);

@@ -116,7 +116,7 @@ SampledInput SampledInput::streamed(const SampledInput& record, std::size_t most
   input.settings_ = record.settings_;
   input.settings_.interpolation = Interpolation::linear;
   input.settings_.outside = Outside::hold;
-  input.samples_ = std::make_shared<const Samples>();
+  input.samples_ = record.samples_;
   input.spacing_ = spacing;
   input.even_ = true;
   input.largest_ = record.largest_;

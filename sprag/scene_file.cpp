@@ -677,10 +677,6 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   read_events(root, scene);
   read_clock(root, scene);
   read_tolerance(root, scene);
-  for (const char* key : {"adapt", "parameters"}) {
-    if (!root.has(key) || !has_sampled_inputs(scene.model)) continue;
-    root.fail(key, "is not supported with a recorded input (the key `file`); must go");
-  }
   if (const auto excitation = root.open_table("excitation")) {
     scene.stream_duration = read_stream(*excitation, scene);
   }

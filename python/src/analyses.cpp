@@ -35,11 +35,6 @@ namespace {
 
 using EventList = std::vector<ContactEvent>;
 
-void refuse_recorded_inputs(const Scene& scene, const char* function) {
-  if (!has_sampled_inputs(scene.model)) return;
-  throw std::invalid_argument(std::string(function) + "() does not support recorded inputs");
-}
-
 // Sorted by time, as the functions of the library require.
 EventList in_order(const py::object& events, const Scene& scene, double duration) {
   EventList taken = to_events(events, scene.model.contacts.size());
@@ -118,7 +113,6 @@ PythonIdentification run_identify(const Scene& scene, const py::object& events,
                                   const std::vector<std::string>& known,
                                   std::optional<double> within, std::optional<double> jitter,
                                   double duration) {
-  refuse_recorded_inputs(scene, "identify");
   if (jitter && !(*jitter >= 0.0 && std::isfinite(*jitter))) {
     throw std::invalid_argument("jitter must be >= 0");
   }
@@ -354,7 +348,6 @@ void bind_diagnosis(py::module_& module) {
       "diagnose",
       [](const Scene& scene, const py::object& events, std::optional<double> jitter,
          double duration) {
-        refuse_recorded_inputs(scene, "diagnose");
         const double sigma = jitter.value_or(scene.prior.jitter);
         if (!(sigma >= 0.0 && std::isfinite(sigma))) {
           throw std::invalid_argument("jitter must be >= 0");

@@ -263,6 +263,59 @@ class PageTest(BrowserCase):
         self.assertTrue(all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None))
         self.expect_quiet(page)
 
+    def shaken(self, stream):
+        """The name of a scene with the shaker's record, which an observer takes from the bus if `stream`."""
+        with open(scene("swept_beam")) as file:
+            text = file.read()
+        text = text.replace('"records/', f'"{os.path.dirname(scene())}/records/')
+        if stream:
+            text = text.replace('interpolation = "spline"', 'interpolation = "linear"\noutside = "hold"\nstream = true')
+        name = self.file("shaken.toml")
+        with open(name, "w") as file:
+            file.write(text)
+        return name.removesuffix(".toml")
+
+    def expect_input_drawn(self, page):
+        self.assertEqual(page.js("document.getElementById('input-title').textContent"),
+                         "excitation acceleration [m/s^2]")
+        drawn = page.js("""(() => {
+          const canvas = document.querySelector('#input-chart canvas:not([style*="z-index"])') ||
+            document.querySelector('#input-chart canvas');
+          const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+          let inked = 0;
+          for (let i = 3; i < data.length; i += 4) if (data[i] > 128) inked += 1;
+          return inked;
+        })()""")
+        self.assertGreater(drawn, 500)
+
+    def test_recorded_input_is_shown(self):
+        name = self.shaken(stream=False)
+        events = self.file("events.csv")
+        subprocess.run([os.environ["MASTER_SIM"], scene(name), "--no-lcm", "--speed", "max", "--duration", "5",
+                        "--events", events], check=True, capture_output=True)
+        page = self.open_page(self.start_view("--replay", events, "--speed", "8", name=name, bus=False).address)
+        page.wait("the input", "sprag.over && sprag.curves.input.t.length > 200")
+        self.expect_input_drawn(page)
+        largest = max(abs(a) for a in page.js("sprag.curves.input.value"))
+        self.assertGreater(largest, 0.1)
+        self.expect_quiet(page)
+
+    def test_streamed_input_is_shown_and_its_end_named(self):
+        name = self.shaken(stream=True)
+        page = self.open_page(self.start_view(name=name).address)
+        page.wait("the page", "sprag.scene")
+        self.start_listening("OBSERVER", scene(name), "--tick", "0.005")
+        self.start("MASTER_SIM", scene(name), "--tick", "0.005", "--duration", "4", "--publish-input")
+        page.wait("samples", "sprag.curves && sprag.curves.input.t.length > 500")
+        page.wait("health", "sprag.health.observer && sprag.health.observer.input === 'heard'")
+        self.expect_input_drawn(page)
+        # Another run, of which the samples do not arrive.
+        self.start("MASTER_SIM", scene(name), "--tick", "0.005", "--duration", "20")
+        page.wait("its end in words", "document.getElementById('health-words').textContent"
+                  ".includes('No samples of the excitation arrive')")
+        page.wait("the mark", "document.getElementById('health-input').dataset.value === 'silent'")
+        self.expect_quiet(page)
+
     def test_refused_messages_are_shown_by_cause(self):
         secret, other = self.file("key"), self.file("other")
         for file, digit in ((secret, "a"), (other, "b")):

@@ -239,7 +239,7 @@ def last_health(file):
     names = ("sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
              "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
              "reordered_messages other_masters stale overflowed unsent").split()
-    at = 8 * 5 + 3 + 8 * 10
+    at = 8 * 5 + 4 + 8 * 10
     counts = dict(zip(names, struct.unpack_from(f">{len(names)}q", message, at)))
     at += 8 * len(names)
     (causes,) = struct.unpack_from(">i", message, at)

@@ -4,8 +4,10 @@
 #include <cmath>
 #include <csignal>
 #include <iostream>
+#include <set>
 
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/health_codec.h"
 #include "lcmtypes/state_codec.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
@@ -41,6 +43,7 @@ class InputStreamTest : public EndToEnd {
 struct Trouble {
   const char* name;
   Arguments plan;
+  const char* tables = "";  // further ones of the scene
 };
 
 void PrintTo(const Trouble& trouble, std::ostream* out) { *out << trouble.name; }
@@ -49,6 +52,7 @@ class StreamTroubleTest : public InputStreamTest, public testing::WithParamInter
 
 TEST_P(StreamTroubleTest, SettledTicksEqualTheReplayBitForBit) {
   const std::string machine = streamed_scene();
+  write_text(machine, read_text(machine) + GetParam().tables);
   const std::uint16_t near = free_port(), far = free_port();
   Process& relay = start_relay(near, far, GetParam().plan);
   set_url(udp_url(far));
@@ -89,6 +93,11 @@ INSTANTIATE_TEST_SUITE_P(
                     Trouble{"both",
                             {"--seed", "22", "--loss", "0.3", "--double", "0.2", "--reorder",
                              "0.25", "--delay", "50"}},
+                    Trouble{"uncertain",
+                            {"--seed", "26", "--loss", "0.3", "--double", "0.2", "--reorder",
+                             "0.25", "--delay", "50"},
+                            "\n[parameters]\nimpact.restitution = { sigma = 0.001 }\n"
+                            "excitation.gain = { sigma = 0.001 }\n"},
                     Trouble{"input",
                             {"--seed", "23", "--loss", "0.3", "--double", "0.2", "--reorder",
                              "0.25", "--delay", "50", "--only", "SPRAG_INPUT"}},
@@ -110,6 +119,27 @@ TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
       replay(machine, file("run.lcmlog"), how + Arguments{"--report", file("o.json")}));
   ASSERT_EQ(json("o.json")["input"]["gaps"], 0);
   const auto recorded = read_states_file(replay(machine, file("events.csv"), how));
+  // Impacts and smoothing of the log are those of the record, too.
+  const std::string jittered =
+      write_text(file("jittered.toml"), read_text(machine) + "\n[events]\njitter = 1e-6\n");
+  for (const Arguments& source :
+       {Arguments{file("run.lcmlog"), "log"}, Arguments{file("events.csv"), "csv"}}) {
+    const std::string name = file(source[1]);
+    for (const Arguments& more : {Arguments{"--impacts", name + "_i.csv"},
+                                  Arguments{"--smooth", "--states", name + "_s.csv"}}) {
+      const Ended ended = run("observer", Arguments{jittered, "--replay", source[0]} + how + more);
+      ASSERT_EQ(ended.code, 0) << ended.err;
+    }
+  }
+  EXPECT_GT(count_rows(file("log_i.csv")), 20U);
+  EXPECT_EQ(count_rows(file("log_i.csv")), count_rows(file("csv_i.csv")));
+  const auto smoothed_log = read_states_file(file("log_s.csv"));
+  const auto smoothed_csv = read_states_file(file("csv_s.csv"));
+  ASSERT_EQ(smoothed_log.size(), 1201U);
+  ASSERT_EQ(smoothed_csv.size(), 1201U);
+  for (std::size_t k = 0; k < 1201; ++k) {
+    ASSERT_NEAR(smoothed_log[k].values[0], smoothed_csv[k].values[0], 1e-9) << "k " << k;
+  }
   ASSERT_EQ(streamed.size(), 1201U);
   ASSERT_EQ(recorded.size(), 1201U);
   for (std::size_t k = 0; k < streamed.size(); ++k) {
@@ -166,6 +196,21 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
   EXPECT_NE(ended.err.find("gaps and interpolated"), std::string::npos) << ended.err;
   const nlohmann::json report = json("o.json");
   EXPECT_EQ(report["input"]["gaps"], 1);
+  // Health says so as well.
+  std::set<Health::Input> states;
+  {
+    ChannelLogReader log(file("far.lcmlog"));
+    ChannelRecord record;
+    Health health;
+    while (log.next(record)) {
+      if (record.channel != "SPRAG_HEALTH") continue;
+      ASSERT_EQ(decode(record.data, health), Refusal::none);
+      states.insert(health.input);
+    }
+  }
+  EXPECT_TRUE(states.contains(Health::Input::received));
+  EXPECT_TRUE(states.contains(Health::Input::silent));
+  EXPECT_FALSE(states.contains(Health::Input::none));
   EXPECT_GT(report["input"]["filled"], 500);
   ASSERT_EQ(report["input"]["lost"].size(), 1U);
   EXPECT_GT(report["input"]["lost"][0]["to"],
@@ -197,14 +242,22 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
 
 TEST_F(InputStreamTest, WhatAStreamExcludes) {
   const std::string machine = streamed_scene();
-  for (const Arguments& more : {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
-                                Arguments{"--impacts", file("i.csv")}}) {
+  for (const Arguments& more :
+       {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
+        Arguments{"--impacts", file("i.csv")}, Arguments{"--estimator", "adaptive"}}) {
     const Ended ended = run("observer", Arguments{machine, "--duration", "1"} + more);
     EXPECT_EQ(ended.code, 2) << ended.err;
-    EXPECT_NE(ended.err.find(more[0] + (more[0] == "--stepper" ? " moreau" : "")),
-              std::string::npos)
-        << ended.err;
+    const std::string option =
+        more[0] == "--stepper" || more[0] == "--estimator" ? more[0] + " " + more[1] : more[0];
+    EXPECT_NE(ended.err.find(option), std::string::npos) << ended.err;
+    EXPECT_NE(ended.err.find("streamed excitation"), std::string::npos) << ended.err;
   }
+  const std::string delayed =
+      write_text(file("delayed.toml"),
+                 read_text(machine) + "\n[parameters]\nexcitation.delay = { sigma = 1e-5 }\n");
+  const Ended late = run("observer", {delayed, "--duration", "1"});
+  EXPECT_EQ(late.code, 2);
+  EXPECT_NE(late.err.find("excitation.delay"), std::string::npos) << late.err;
   const Ended longer = run("observer", {machine, "--duration", "700"});
   EXPECT_EQ(longer.code, 2);
   EXPECT_NE(longer.err.find("--duration is longer than excitation.stream_duration"),

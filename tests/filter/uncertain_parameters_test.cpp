@@ -66,6 +66,29 @@ Scene random_rattle(Random& random, Eigen::Index f, double share) {
   return scene;
 }
 
+// The same machine under a record of a sweep with a second tone, with a sample every 10 ms. The
+// record's delay is uncertain as well.
+Scene swept_rattle(Random& random, Eigen::Index f, double share) {
+  Scene scene = random_rattle(random, f, share);
+  std::vector<double> t, a;
+  for (int k = 0; k <= 2600; ++k) {
+    t.push_back(0.01 * k);
+    a.push_back(3.0 * std::sin(t.back() * (5.0 + 0.1 * t.back())) + std::sin(13.0 * t.back()));
+  }
+  scene.model.forces[0] = {
+      scene.model.forces[0].direction,
+      0.0,
+      {},
+      std::make_shared<const SampledInput>(t, a, SampledInput::Settings{.outside = Outside::hold})};
+  ParameterUncertainty& parameters = scene.prior.parameters;
+  parameters.keys.emplace_back("force.1.delay");
+  parameters.sigma.conservativeResize(4);
+  parameters.sigma[3] = share;  // [s]
+  parameters.correlation.conservativeResizeLike(Eigen::MatrixXd::Identity(4, 4));
+  parameters.consider.push_back(false);
+  return scene;
+}
+
 ParameterUncertainty uncertain_restitution(double sigma) {
   return {{"impact.restitution"},
           Eigen::VectorXd::Constant(1, sigma),
@@ -210,6 +233,34 @@ TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
   EXPECT_LT(estimated.state.mean(), 1.6);
   EXPECT_LT(estimated.state.share_beyond(), 1e-3);
   EXPECT_GT(estimated.state.count, estimated.state.samples * 95 / 100);
+  EXPECT_GT(estimated.parameters.mean(), 0.4);
+  EXPECT_LT(estimated.parameters.mean(), 1.8);
+  EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());
+}
+
+TEST_P(UncertainParameters, SigmaMatchesErrorsUnderARecord) {
+  constexpr std::uint64_t seed = 29;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  Observed estimated, exact;
+  for (int i = 0; i < 16; ++i) {
+    Scene scene = swept_rattle(random, 1 + i % 2, 1e-3);
+    scene.prior.jitter = GetParam();
+    const Drawn drawn = draw(scene, random, 25.0);
+    ASSERT_GT(drawn.events.size(), 30U);
+    observe(scene, drawn, estimated);
+    // Evidence that the trial can fail: parameters treated as exact.
+    scene.prior.parameters = {};
+    observe(scene, drawn, exact);
+  }
+  std::cout << "estimated: " << estimated.state.mean() << ", beyond 5 "
+            << estimated.state.share_beyond() << ", finite " << estimated.state.count << " of "
+            << estimated.state.samples << "; parameters " << estimated.parameters.mean()
+            << "; taken as exact: " << exact.state.mean() << '\n';
+  EXPECT_GT(estimated.state.mean(), 0.25);
+  EXPECT_LT(estimated.state.mean(), 1.6);
+  EXPECT_LT(estimated.state.share_beyond(), 1e-3);
+  EXPECT_GT(estimated.state.count, estimated.state.samples * 9 / 10);
   EXPECT_GT(estimated.parameters.mean(), 0.4);
   EXPECT_LT(estimated.parameters.mean(), 1.8);
   EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());

@@ -1,12 +1,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
+#include <iostream>
+#include <memory>
 #include <random>
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "sprag/observer.h"
+#include "tests/support/random.h"
+#include "tests/support/rattle.h"
 #include "tests/support/run.h"
 
 namespace sprag {
@@ -125,6 +130,91 @@ TEST(AdaptiveObserver, ObservesARecording) {
   }
   EXPECT_TRUE(std::isinf(all.sigma_parameters(0, 0)));
   EXPECT_LT(all.sigma_parameters(all.t.size() - 1, 0), 1e-6);
+}
+
+// A machine under the record of a sweep, observed from a wrong restitution and stiffness. The
+// record of the observer has noise if `noise` > 0.
+struct Swept {
+  Scene machine, given;
+};
+
+Swept swept(Random& random, Eigen::Index f, double noise) {
+  Swept swept{test::rattle(random, f), {}};
+  std::vector<double> t, a, errors;
+  std::mt19937_64 engine(9);
+  std::normal_distribution<double> normal;
+  for (int k = 0; k <= 6100; ++k) {
+    t.push_back(0.005 * k);
+    a.push_back(3.0 * std::sin(t.back() * (5.0 + 0.1 * t.back())) + std::sin(13.0 * t.back()));
+    errors.push_back(noise * normal(engine));
+  }
+  const SampledInput record(t, a, {.interpolation = Interpolation::spline, .noise = noise});
+  swept.machine.model.forces.push_back(
+      {test::across(f), 0.0, {}, std::make_shared<const SampledInput>(record)});
+  swept.machine.prior.adaptation.free = {"impact.restitution", "system.K"};
+  swept.machine.prior.adaptation.within.setConstant(1, 0.1);
+  swept.machine.prior.jitter = 1e-5;
+  const MachineFamily family(swept.machine, unknowns_to_adapt(swept.machine));
+  swept.given = family.with(Eigen::Vector2d(0.67, 1.04));
+  swept.given.model.forces[0].input =
+      std::make_shared<const SampledInput>(with_errors(record, errors));
+  return swept;
+}
+
+class AdaptiveUnderARecord : public testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Noise, AdaptiveUnderARecord, testing::Values(0.0, 0.02));
+
+TEST_P(AdaptiveUnderARecord, EndsHonestFromWrongParameters) {
+  constexpr std::uint64_t seed = 77;
+  constexpr double end = 30.0, h = 0.01;
+  std::cout << "seed " << seed << '\n';
+  Random random(seed);
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<double> normal;
+  double squares = 0.0, of_parameters = 0.0;
+  long count = 0, values = 0;
+  for (int i = 0; i < 6; ++i) {
+    const Eigen::Index f = 1 + i % 2;
+    const Swept trial = swept(random, f, GetParam());
+    std::vector<ContactEvent> events = events_of(trial.machine, end);
+    for (ContactEvent& event : events) event.t += 1e-5 * normal(engine);
+    std::stable_sort(events.begin(), events.end(),
+                     [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
+    const Estimates all = observe(Observer(trial.given, {h, EstimatorKind::adaptive}), events, end);
+    Master master(trial.machine.model, trial.machine.truth.start);
+    std::vector<ContactEvent> passed;
+    Eigen::VectorXd q(f), u(f);
+    const Eigen::Index last = all.t.size() - 1;
+    for (Eigen::Index k = 0; k <= last; ++k) {
+      master.advance(at(all.t[k]), passed);
+      master.state(at(all.t[k]), q, u);
+      for (Eigen::Index j = 0; j < f; ++j) {
+        for (const auto& [error, sigma] : {std::pair(all.q(k, j) - q[j], all.sigma_q(k, j)),
+                                           std::pair(all.u(k, j) - u[j], all.sigma_u(k, j))}) {
+          if (!std::isfinite(sigma)) continue;
+          squares += error * error / (sigma * sigma);
+          ++count;
+        }
+      }
+    }
+    const Eigen::Vector2d truth(0.7, 1.0);
+    ASSERT_TRUE(all.of_filter[static_cast<std::size_t>(last)]) << i;
+    // The filter's unit of system.K is that of the given machine.
+    for (int k = 0; k < 2; ++k) {
+      const double value = all.parameters(last, k) * (k == 1 ? 1.04 : 1.0);
+      const double sigma = all.sigma_parameters(last, k);
+      std::cout << all.keys[static_cast<std::size_t>(k)] << ' ' << value << " +- " << sigma << '\n';
+      EXPECT_LT(std::abs(value - truth[k]), 5.0 * sigma);
+      EXPECT_LT(sigma, 0.01);
+      of_parameters += std::pow((value - truth[k]) / sigma, 2);
+      ++values;
+    }
+  }
+  std::cout << "NEES " << squares / static_cast<double>(count) << " of " << count << ", parameters "
+            << of_parameters / static_cast<double>(values) << '\n';
+  EXPECT_GT(count, 10000);
+  EXPECT_LT(squares, 1.6 * static_cast<double>(count));
+  EXPECT_GT(squares, 0.1 * static_cast<double>(count));
 }
 
 TEST(AdaptiveObserver, RefusesUnsupportedScenes) {

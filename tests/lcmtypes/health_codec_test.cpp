@@ -23,6 +23,7 @@ health_t random_health(std::mt19937_64& random) {
   health.t = random() % 4 == 0 ? -1.0 : size();
   health.last = static_cast<std::int8_t>(random() % 2);
   health.master = static_cast<std::int8_t>(random() % 4);
+  health.input = static_cast<std::int8_t>(random() % 3);
   health.estimate = static_cast<std::int8_t>(random() % 4);
   health.speed = random() % 4 == 0 ? infinity : size();
   for (double* x :
@@ -74,6 +75,7 @@ void expect_equal(const Health& a, const health_t& b) {
   EXPECT_EQ(a.t, b.t);
   EXPECT_EQ(a.last, b.last == 1);
   EXPECT_EQ(static_cast<int>(a.master), b.master);
+  EXPECT_EQ(static_cast<int>(a.input), b.input);
   EXPECT_EQ(static_cast<int>(a.estimate), b.estimate);
   EXPECT_EQ(a.period, b.period);
   EXPECT_EQ(a.real_time_factor, b.real_time_factor);
@@ -148,6 +150,7 @@ TEST(HealthCodec, EveryKindOfBadFieldIsRefusedWithItsCause) {
       {Refusal::bad_speed, [](auto& m) { m.speed = -1.0; }},
       {Refusal::bad_value, [](auto& m) { m.last = 2; }},
       {Refusal::bad_value, [](auto& m) { m.master = 4; }},
+      {Refusal::bad_value, [](auto& m) { m.input = 3; }},
       {Refusal::bad_value, [](auto& m) { m.estimate = -1; }},
       {Refusal::bad_count, [](auto& m) { m.latencies = -1; }},
       {Refusal::bad_count, [](auto& m) { m.sessions = -1; }},

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <limits>
 
@@ -15,6 +16,28 @@
 
 namespace sprag::test {
 namespace {
+
+// The samples of the scene's record on SPRAG_INPUT, up to some after `end`.
+void push_inputs(const Scene& scene, double end, Inbox& inbox) {
+  const SampledInput& record = *scene.model.forces[0].input;
+  InputMessage message;
+  message.session = 7;
+  message.t0 = record.sample_times().front();
+  message.dt = record.spacing();
+  const std::vector<double>& samples = record.sample_values();
+  while (message.total < std::ssize(samples) &&
+         message.t0 + static_cast<double>(message.total) * message.dt < end + 0.1) {
+    message.total = std::min<std::int64_t>(message.total + 50, std::ssize(samples));
+    message.n = static_cast<int>(std::min<std::int64_t>(message.total, max_input_values));
+    std::copy(samples.begin() + message.first(), samples.begin() + message.total,
+              message.value.begin());
+    ReceivedInput* slot = inbox.inputs.free_slot();
+    ASSERT_NE(slot, nullptr);
+    *slot = {message, 0};
+    inbox.inputs.push();
+    ++message.sequence;
+  }
+}
 
 void expect_no_allocation(const Scene& scene) {
   ObserverOptions options;
@@ -36,6 +59,7 @@ void expect_no_allocation(const Scene& scene) {
     *slot = {message, {}};
     inbox.strangers.push();
   }
+  if (scene.stream_duration > 0.0) push_inputs(scene, options.duration, inbox);
   RealTimeLoop loop(estimation, options.last(), Freshness::any, inbox, outbox, notices);
   const std::atomic<bool> stop{false};
   EXPECT_EQ(allocations_of([&] { loop.run(stop); }), 0);
@@ -60,6 +84,19 @@ void expect_no_allocation(const Scene& scene) {
 
 TEST(RealTimeLoop, RunsAndReportsStatusWithoutAllocating) {
   expect_no_allocation(cached_scene("paper_beam.toml"));
+}
+
+// With the parameters' derivatives in the second run.
+TEST(RealTimeLoop, TakesAStreamedExcitationWithoutAllocating) {
+  Scene scene = cached_scene("swept_beam.toml");
+  scene.stream_duration = 10.0;
+  expect_no_allocation(scene);
+  scene.prior.parameters = {{"impact.restitution", "excitation.gain"},
+                            Eigen::Vector2d(1e-3, 1e-3),
+                            Eigen::MatrixXd::Identity(2, 2),
+                            {false, false}};
+  scene.prior.jitter = 1e-6;
+  expect_no_allocation(scene);
 }
 
 TEST(RealTimeLoop, BoundsTheErrorUnderTolerancesWithoutAllocating) {

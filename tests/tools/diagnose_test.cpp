@@ -111,6 +111,14 @@ INSTANTIATE_TEST_SUITE_P(
                     Mismatch{"non_proportional", "factor on K", 0.98, 60.0},
                     Mismatch{"impact_oscillator", "restitution", 0.65, 60.0, 1e-6}));
 
+// The beam of a shaker whose acceleration was recorded. A gain of the record is not distinguished
+// from the clearance.
+INSTANTIATE_TEST_SUITE_P(
+    Recorded, DiagnoseMismatch,
+    testing::Values(Mismatch{"swept_beam", "restitution", 0.55, 1.2, 1e-6},
+                    Mismatch{"swept_beam", "bending stiffness", 0.36, 1.2, 1e-6},
+                    Mismatch{"swept_beam", "excitation.delay", 0.001, 1.2, 1e-6}));
+
 class DiagnoseExactMismatch : public testing::TestWithParam<Mismatch> {};
 
 // Chatter, and several contacts.

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include "sprag/scene_file.h"
 #include "sprag/states_file.h"
@@ -69,7 +71,7 @@ TEST_F(RecordedInputPrograms, TheShippedScenesStateIsReconstructed) {
 
 TEST_F(RecordedInputPrograms, AllOtherProgramsAcceptARecord) {
   simulate(scene_);
-  for (const char* estimator : {"replica", "timing", "both"}) {
+  for (const char* estimator : {"replica", "timing", "both", "adaptive"}) {
     const Ended ended = run(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "6",
                                        "--tick", "0.01", "--estimator", estimator});
     EXPECT_EQ(ended.code, 0) << estimator << ": " << ended.err;
@@ -90,12 +92,73 @@ TEST_F(RecordedInputPrograms, ARunBeyondTheRecordIsRefused) {
   expect_refused(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "7"}, ends);
 }
 
-TEST_F(RecordedInputPrograms, ProgramsWithoutSupportRefuseARecord) {
+// The parameters of [parameters] and [adapt] may be those of the record.
+TEST_F(RecordedInputPrograms, AFilterEstimatesParametersUnderARecord) {
+  simulate(copy(""));
+  const std::string keys =
+      "[parameters]\nimpact.restitution = { sigma = 0.002 }\nexcitation.delay = { sigma = 1e-4 }\n";
+  const std::string text = read_text(copy(""));
+  const std::string given = write_text(path("uncertain.toml"), text + keys);
+  const Ended ended = run(OBSERVER, {given, "--replay", path("events.csv"), "--duration", "6",
+                                     "--tick", "0.01", "--states", path("estimate.csv")});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  const Scene scene = read_scene(given);
+  ASSERT_EQ(scene.prior.parameters.keys.size(), 2U);
+}
+
+TEST_F(RecordedInputPrograms, DiagnoseAcceptsARecord) {
   simulate(scene_);
-  expect_refused(OBSERVER, {scene_, "--replay", path("events.csv"), "--estimator", "adaptive"},
-                 "--estimator adaptive does not support a recorded input");
-  expect_refused(DIAGNOSE, {path("events.csv"), scene_},
-                 "diagnose does not support a recorded input");
+  const Ended ended = run(DIAGNOSE, {path("events.csv"), scene_, "--duration", "2"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("events fit the model"), std::string::npos) << ended.out;
+  EXPECT_NE(ended.out.find("excitation.delay"), std::string::npos) << ended.out;
+  EXPECT_EQ(ended.out.find("clock rate"), std::string::npos) << ended.out;
+}
+
+// The record of the observer alone varies, and it is the better the nearer it is to the machine's.
+TEST_F(RecordedInputPrograms, AStudyVariesTheRecordOfTheObserver) {
+  const std::string scene = copy("outside = \"hold\"");
+  const auto study = [&](const std::string& duration) {
+    return write_text(path("study.toml"), "scene = \"" + scene + "\"\nduration = " + duration +
+                                              "\nsamples = 200\nestimators = [\"both\"]\n" +
+                                              "record = [\"V_floor\", \"nees\"]\n[vary]\n" +
+                                              "observer.excitation.gain = [0.9, 1.0]\n" +
+                                              "events.jitter = [1e-6]\n");
+  };
+  const Ended ended = run(STUDY, {study("5.0"), "--output", path("rows"), "--jobs", "1"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  std::istringstream rows(read_text(path("rows") + "/rows.csv"));
+  std::string line;
+  std::getline(rows, line);
+  std::vector<std::string> names;
+  std::istringstream header(line);
+  for (std::string name; std::getline(header, name, ',');) names.push_back(name);
+  const auto at = std::find(names.begin(), names.end(), "both.V_floor") - names.begin();
+  std::vector<double> floors;
+  while (std::getline(rows, line)) {
+    std::istringstream cells(line);
+    std::string cell;
+    for (std::ptrdiff_t i = 0; i <= at; ++i) std::getline(cells, cell, ',');
+    floors.push_back(std::stod(cell));
+  }
+  ASSERT_EQ(floors.size(), 2U);
+  EXPECT_GT(floors[0], 1e3 * floors[1]);
+  // A scene without values outside its record is not run after it.
+  std::string text = read_text(scene);
+  text.erase(text.find("outside"), std::string("outside = \"hold\"").size());
+  write_text(scene, text);
+  expect_refused(STUDY, {study("7.0"), "--output", path("more")},
+                 "the recorded input ends at t = 6");
+}
+
+TEST_F(RecordedInputPrograms, ToleranceStatesWhatGainAndDelayMayBeOff) {
+  const Ended ended = run(TOLERANCE, {scene_, "--runs", "1", "--duration", "3", "--estimator",
+                                      "replica", "--jobs", "1", "--json"});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  for (const char* key : {"excitation.gain", "excitation.delay", "impact.restitution"}) {
+    EXPECT_NE(ended.out.find(key), std::string::npos) << key;
+  }
+  expect_refused(TOLERANCE, {scene_, "--duration", "9"}, "the recorded input of swept_beam ends");
 }
 
 TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
@@ -116,6 +179,14 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   const SampledInput::Settings& settings = fitted.model.forces[0].input->settings();
   EXPECT_EQ(settings.gain, found[0]["value"].get<double>());
   EXPECT_EQ(settings.delay, found[1]["value"].get<double>());
+  // And their deviations, for a filter.
+  const ParameterUncertainty& uncertain = fitted.prior.parameters;
+  ASSERT_EQ(uncertain.keys, (std::vector<std::string>{"excitation.gain", "excitation.delay"}));
+  EXPECT_NEAR(uncertain.sigma[0], found[0]["sigma"].get<double>(), 1e-6 * uncertain.sigma[0]);
+  const Ended observed = run(OBSERVER, {path("fitted.toml"), "--replay", path("events.csv"),
+                                        "--duration", "6", "--tick", "0.01"});
+  EXPECT_EQ(observed.code, 0) << observed.err;
+  EXPECT_NE(observed.err.find("excitation.delay"), std::string::npos) << observed.err;
 }
 
 TEST_F(RecordedInputPrograms, IdentifyRefusesEventsAfterTheRecord) {

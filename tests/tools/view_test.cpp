@@ -303,6 +303,61 @@ TEST(Watch, AnEstimateInsideASupportIsMarked) {
   EXPECT_TRUE(watch.curves(0, {0.0, 1.0, 1000}).penetrating.empty());
 }
 
+Scene two_driven_carriages(double stream_duration) {
+  Scene scene = two_carriages();
+  std::vector<double> t, a;
+  for (int k = 0; k <= 5000; ++k) {
+    t.push_back(0.001 * k);
+    a.push_back(k == 1234 ? 5.0 : std::sin(0.01 * k));
+  }
+  scene.model.forces.push_back(
+      {Eigen::Vector2d(1.0, 0.0),
+       0.0,
+       {},
+       std::make_shared<const SampledInput>(t, a, SampledInput::Settings{.gain = 2.0})});
+  scene.stream_duration = stream_duration;
+  return scene;
+}
+
+TEST(Watch, ARecordedInputHasACurveThatKeepsItsPeaks) {
+  const Scene scene = two_driven_carriages(0.0);
+  Watch watch(scene);
+  const std::string key = "force." + std::to_string(scene.model.forces.size());
+  EXPECT_EQ(watch.input_label(), key + " [unit of the force]");
+  const Rows all = watch.curves(0, {0.0, 10.0, 100}).input;
+  EXPECT_LE(all.t.size(), 204U);
+  EXPECT_TRUE(std::is_sorted(all.t.begin(), all.t.end()));
+  EXPECT_EQ(*std::max_element(all.values[0].begin(), all.values[0].end()), 10.0);
+  const Rows few = watch.curves(0, {1.2, 1.25, 100}).input;
+  ASSERT_GE(few.t.size(), 50U);
+  EXPECT_LE(few.t.front(), 1.2);
+  EXPECT_NEAR(few.values[0][10], scene.model.forces.back().input->value(few.t[10]), 1e-12);
+  EXPECT_TRUE(watch.curves(0, {-3.0, -1.0, 100}).input.t.empty());
+  EXPECT_TRUE(Watch(two_carriages()).input_label().empty());
+}
+
+TEST(Watch, AStreamedInputIsDrawnAsItsSamplesArrive) {
+  Watch watch(two_driven_carriages(60.0));
+  watch.take(contacts_at(0.0, 1), {0, 0});
+  InputMessage message;
+  message.session = 5;
+  message.t0 = 0.5;
+  message.dt = 0.001;
+  message.n = 3;
+  message.value = {1.0, 2.0, 3.0};
+  for (const std::int64_t total : {3, 5, 4}) {  // the last one is late
+    message.total = total;
+    watch.take(message, {total, 0});
+  }
+  const Rows rows = watch.curves(0, {0.49, 0.51, 100}).input;
+  ASSERT_EQ(rows.t.size(), 5U);
+  EXPECT_NEAR(rows.t.back(), 0.504, 1e-12);
+  EXPECT_EQ(rows.values[0], (std::vector<double>{2.0, 4.0, 6.0, 4.0, 6.0}));
+  message.session = 7;
+  watch.take(message, {9, 0});
+  EXPECT_EQ(watch.of_others(), 1);
+}
+
 TEST(Watch, BadgeNamesSourceOfEstimate) {
   Watch watch(two_carriages());
   EXPECT_EQ(watch.frame(0).badge, Badge::waiting);

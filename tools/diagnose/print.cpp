@@ -54,6 +54,11 @@ const Candidate* phase_of(const Diagnosis& diagnosis) {
 }
 
 std::string offset_text(const Diagnosis& diagnosis) {
+  if (diagnosis.has_record) {
+    return "An offset of the clock is a delay of the recorded input. The rate of the clock is "
+           "taken "
+           "as known.\n";
+  }
   const Candidate* phase = phase_of(diagnosis);
   if (phase == nullptr) {
     return "The machine does not depend on t: an offset of the clock cannot be determined.\n";

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/diagnosis.h"
 #include "tools/diagnose/print.h"
@@ -13,7 +12,6 @@ namespace sprag {
 int run_diagnose(const DiagnoseRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
   const Scene scene = load_scene(run.scene, common);
-  refuse_recorded_inputs(scene, "diagnose");
   const RecordedEvents recorded =
       read_recorded_events(run.log, scene, run.duration, AfterLoss::dropped, common, report);
   const Diagnosis diagnosis =

@@ -56,8 +56,6 @@ Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std:
 
 FittedParameters fitted_parameters(const Identification& fit, const Scene& written) {
   FittedParameters result;
-  // [parameters] is not supported with a recorded input.
-  if (has_sampled_inputs(written.model)) return result;
   ParameterUncertainty& uncertainty = result.uncertainty;
   std::vector<std::size_t> numbers;
   std::vector<double> sigma;

@@ -91,6 +91,7 @@ struct Curves {
   Rows bound;       ///< B
   std::vector<std::vector<Closure>> closures;  ///< by contact
   std::vector<Closure> penetrating;            ///< when the settled estimate was inside a support
+  Rows input;                                  ///< the recorded or streamed input, one column
   std::vector<Suspect> suspects;
 };
 

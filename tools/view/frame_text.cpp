@@ -74,6 +74,17 @@ void put_times(const char* name, const Health::Times& times, JsonText& to) {
   to.close('}');
 }
 
+const char* name(Health::Input input) {
+  switch (input) {
+    case Health::Input::received:
+      return "heard";
+    case Health::Input::silent:
+      return "silent";
+    default:
+      return "none";
+  }
+}
+
 const char* name(Health::Master master) {
   switch (master) {
     case Health::Master::received:
@@ -122,6 +133,12 @@ void put_scene(const Watch& watch, std::optional<double> speed, JsonText& to) {
     to.close('}');
   }
   to.close(']');
+  to.key("input");
+  if (watch.input_label().empty()) {
+    to.null();
+  } else {
+    to.value(std::string_view(watch.input_label()));
+  }
   to.member("period", longest_period(scene.model));
   to.member("replay", speed.has_value());
   to.member("speed", speed);
@@ -201,6 +218,7 @@ void put_curves(const Curves& curves, const Watch& watch, std::pair<double, doub
   put_rows("truth", curves.truth, {"value"}, to);
   put_rows("energy", curves.energy, {"V"}, to);
   put_rows("bound", curves.bound, {"B"}, to);
+  put_rows("input", curves.input, {"value"}, to);
   to.key("raster");
   to.open('[');
   for (const std::vector<Closure>& closures : curves.closures) {
@@ -234,6 +252,7 @@ void put_health(const Watch& watch, double age, JsonText& to) {
     to.member("age", age);
     to.member("last", health->last);
     to.member("master", name(health->master));
+    to.member("input", name(health->input));
     to.member("tick", health->tick);
     to.member("t", health->t);
     to.member("period", health->period);

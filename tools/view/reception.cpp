@@ -2,13 +2,14 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/input_codec.h"
 
 namespace sprag::view {
 namespace {
 
-constexpr std::array<const char*, 8> channels{contacts_channel,   estimate_channel, settled_channel,
+constexpr std::array<const char*, 9> channels{contacts_channel,   estimate_channel, settled_channel,
                                               truth_channel,      outputs_channel,  bounds_channel,
-                                              parameters_channel, health_channel};
+                                              parameters_channel, health_channel,   input_channel};
 
 }  // namespace
 
@@ -43,6 +44,8 @@ void Reception::take(std::string_view channel, std::span<const std::uint8_t> dat
     decoded(data, bounds_, [&](Watch& watch) { watch.take(bounds_, arrival); });
   } else if (channel == parameters_channel) {
     decoded(data, parameters_, [&](Watch& watch) { watch.take(parameters_, arrival); });
+  } else if (channel == input_channel) {
+    decoded(data, input_, [&](Watch& watch) { watch.take(input_, arrival); });
   } else if (channel == health_channel) {
     decoded(data, health_, [&](Watch& watch) { watch.take(health_, arrival); });
   }

@@ -42,6 +42,7 @@ class Reception {
   BoundsSample bounds_;
   ParametersSample parameters_;
   Health health_;
+  InputMessage input_;
 };
 
 }  // namespace sprag::view

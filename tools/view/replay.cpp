@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/input_codec.h"
 #include "observer/estimation.h"
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
@@ -69,18 +70,33 @@ class OwnObserver {
       case SessionTracker::Verdict::ignored:
         return;
       case SessionTracker::Verdict::starts:
+        if (estimation_.stream) estimation_.stream->restart();
         time_line.restart(message);
         break;
       case SessionTracker::Verdict::resumes:
         time_line.resume(message);
         break;
       case SessionTracker::Verdict::continues:
+        if (estimation_.stream && estimation_.stream->restarts_after(message)) break;
         time_line.receive(message);
         break;
     }
     sample_.session = message.session;
     sample_.utime = message.utime;
-    time_line.run(
+    settle(arrival);
+  }
+
+  /// Samples of a streamed excitation.
+  void take(const InputMessage& message, const Arrival& arrival) {
+    const bool followed = estimation_.time_line.started() && message.session == sessions_.session();
+    if (!estimation_.stream || !followed) return;
+    estimation_.stream->take(message);
+    settle(arrival);
+  }
+
+ private:
+  void settle(const Arrival& arrival) {
+    estimation_.time_line.run(
         0, [](const auto&) {},
         [&](const Estimation::State& state) {
           check_interrupt();
@@ -92,7 +108,6 @@ class OwnObserver {
         });
   }
 
- private:
   static ObserverOptions options_of(double tick) {
     ObserverOptions options;
     options.tick = tick;
@@ -146,6 +161,7 @@ class Player {
     std::int64_t elapsed = 0;  // us
     std::int64_t unauthenticated = 0;
     ContactMessage message;
+    InputMessage input;
     while (log.next(record)) {
       if (before) elapsed += std::clamp<std::int64_t>(record.utime - *before, 0, longest_pause);
       before = record.utime;
@@ -160,6 +176,9 @@ class Player {
       }
       const Arrival arrival{elapsed * microsecond, record.utime};
       reception_.take(record.channel, data, arrival);
+      if (!estimated && record.channel == input_channel && decode(data, input) == Refusal::none) {
+        observer_.take(input, arrival);
+      }
       const bool observed = !estimated && record.channel == contacts_channel &&
                             decode(data, message) == Refusal::none && message.contacts == contacts_;
       if (!observed) continue;

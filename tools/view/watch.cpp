@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/detail/replica/penetration.h"
 
 namespace sprag::view {
@@ -76,6 +77,15 @@ void put_band(double mean, double sigma, double* to) {
   to[2] = known ? mean + 2.0 * sigma : nan;
 }
 
+// Name and unit of a recorded input: the frame's acceleration or displacement, or a force.
+std::string label_of(const Scene& scene, const RecordedInput& record) {
+  if (!scene.beam && !(scene.frame && scene.frame->input == record.input)) {
+    return record.key + " [unit of the force]";
+  }
+  return record.input->settings().displacement ? record.key + " displacement [m]"
+                                               : record.key + " acceleration [m/s^2]";
+}
+
 void append(Rows& rows, double t, std::span<const double> values) {
   rows.t.push_back(t);
   for (std::size_t c = 0; c < values.size(); ++c) rows.values[c].push_back(values[c]);
@@ -100,7 +110,14 @@ Watch::Watch(const Scene& scene, Freshness freshness)
       guaranteed_(2 * quantities_.size(), history_memory),
       truths_(quantities_.size(), history_memory),
       bounds_(1, history_memory),
-      energies_(1, history_memory) {}
+      energies_(1, history_memory),
+      inputs_(1, history_memory),
+      streamed_(scene.stream_duration > 0.0) {
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
+  if (records.empty()) return;
+  input_ = records.front().input;
+  input_label_ = label_of(scene, records.front());
+}
 
 bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arrival) {
   if (session_ == session) return true;
@@ -117,7 +134,8 @@ bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arr
 
 void Watch::begin(std::int64_t session) {
   session_ = session;
-  for (History* history : {&estimates_, &outputs_, &guaranteed_, &truths_, &bounds_, &energies_}) {
+  for (History* history :
+       {&estimates_, &outputs_, &guaranteed_, &truths_, &bounds_, &energies_, &inputs_}) {
     history->clear();
   }
   raster_.clear();
@@ -360,6 +378,47 @@ void Watch::take(const Health& health, const Arrival& arrival) {
   health_arrival_ = arrival.monotonic;
 }
 
+void Watch::take(const InputMessage& message, const Arrival& arrival) {
+  if (!streamed_) {
+    ++misfits_;
+    return;
+  }
+  if (!follows(message.session, message.utime, arrival)) return;
+  const SampledInput::Settings& settings = input_->settings();
+  for (std::int64_t k = message.first(); k < message.total; ++k) {
+    const double value = settings.gain * message.sample(k);
+    inputs_.add(message.t0 + static_cast<double>(k) * message.dt + settings.delay,
+                std::span(&value, 1));
+  }
+}
+
+// Of a record: its samples, or the least and the greatest one in each interval of a pixel.
+Rows Watch::input_in(const Window& window) const {
+  const std::vector<History::Wanted> first{{0, Keep::both}};
+  if (streamed_) return inputs_.thinned(window, first);
+  Rows rows;
+  rows.values.resize(1);
+  if (!input_) return rows;
+  const std::vector<double>& knots = input_->knots();
+  const std::size_t order = input_->settings().displacement ? 0 : 2;
+  const std::size_t end = window.to < input_->first() ? 0 : input_->interval(window.to) + 1;
+  std::size_t k = input_->interval(window.from);
+  const std::size_t samples = end > k ? end - k : 0;
+  const auto pixels = static_cast<std::size_t>(std::max(window.pixels, 1));
+  const std::size_t each = std::max<std::size_t>(1, samples / pixels);
+  for (; k < end; k += each) {
+    const std::size_t last = std::min(end, k + each);
+    double low = input_->at_knot(k)[order], high = low;
+    for (std::size_t i = k + 1; i < last; ++i) {
+      low = std::min(low, input_->at_knot(i)[order]);
+      high = std::max(high, input_->at_knot(i)[order]);
+    }
+    append(rows, knots[k], std::span(&low, 1));
+    if (last > k + 1) append(rows, knots[last - 1], std::span(&high, 1));
+  }
+  return rows;
+}
+
 // The last estimate not later than the machine's last state, so that both are drawn at the same
 // instant.
 const EstimateSample* Watch::shown_estimate() const {
@@ -481,6 +540,7 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
   curves.truth = truths_.thinned(window, own);
   curves.energy = energies_.thinned(window, first);
   curves.bound = bounds_.thinned(window, first);
+  curves.input = input_in(window);
 
   // Provisional estimates continue the curve after the last settled estimate.
   const std::size_t stride =

@@ -18,6 +18,7 @@
 #include "recording/arrival.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/event_history.h"
+#include "sprag/detail/events/input_message.h"
 #include "sprag/scene.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/view/drawn_machine.h"
@@ -44,6 +45,8 @@ class Watch {
   void take(const BoundsSample& sample, const Arrival& arrival);
   void take(const ParametersSample& sample, const Arrival& arrival);
   void take(const Health& health, const Arrival& arrival);
+  /// Samples of a streamed excitation.
+  void take(const InputMessage& message, const Arrival& arrival);
 
   /// The frame at the monotonic time `now` [ns].
   Frame frame(std::int64_t now) const;
@@ -57,6 +60,8 @@ class Watch {
 
   /// The quantities with curves: outputs, gaps and, of a machine with few of them, coordinates.
   const std::vector<Quantity>& quantities() const { return quantities_; }
+  /// The input that is drawn, with its unit; empty: the scene has no record.
+  const std::string& input_label() const { return input_label_; }
   /// The first and the last time of all curves; 0 and 0 if there are no data.
   std::pair<double, double> extent() const;
 
@@ -81,6 +86,7 @@ class Watch {
   const EstimateSample* shown_estimate() const;
   const StateSample* nearest_truth(double t) const;
   bool runs_free(std::int64_t now) const;
+  Rows input_in(const Window& window) const;
 
   Scene scene_;
   DrawnMachine machine_;
@@ -103,6 +109,12 @@ class Watch {
   History truths_;      // the machine's value of each quantity
   History bounds_;      // B
   History energies_;    // V
+  History inputs_;      // samples of a streamed excitation
+
+  SampledInputPointer
+      input_;  // the record that is drawn, or that of a streamed excitation; or null
+  std::string input_label_;
+  bool streamed_ = false;
 
   // Provisional estimates later than the last settled estimate, by time; for each time the latest.
   std::map<double, EstimateSample> provisional_;

@@ -62,6 +62,10 @@ Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
         return Kind::position;
       case Quantity::clock_rate:
         return Kind::clock_rate;
+      case Quantity::gain:
+        return Kind::gain;
+      case Quantity::delay:
+        return Kind::delay;
       default:
         return Kind::clock_offset;
     }
@@ -69,7 +73,8 @@ Unknown unknown_of(const Scene& scene, const Parameter& parameter) {
   const bool of_harmonics =
       kind == Kind::amplitude || kind == Kind::phase || kind == Kind::frequency;
   const bool one_group = harmonic_groups(scene).size() == 1;
-  const int index = of_harmonics && one_group ? 0 : parameter.contact;
+  const int of_contact = parameter.record >= 0 ? parameter.record : parameter.contact;
+  const int index = of_harmonics && one_group ? 0 : of_contact;
   std::vector<Unknown> all = unknowns_of(scene);
   for (Unknown& common : common_unknowns(scene)) all.push_back(std::move(common));
   for (Unknown& of_clock : clock_unknowns(scene)) all.push_back(std::move(of_clock));
@@ -222,7 +227,9 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.to = events.back().t;
   diagnosis.only_frequency = only_frequency(scene.model);
   diagnosis.jitter = jitter;
-  diagnosis.resolved = std::max({jitter, exact * nominal->interval, scene.model.chatter_time});
+  // Errors of a recorded input move the events as well.
+  const double of_events = std::hypot(jitter, nominal->record_errors.scatter());
+  diagnosis.resolved = std::max({of_events, exact * nominal->interval, scene.model.chatter_time});
   diagnosis.closings = nominal->impacts;
   diagnosis.unsure = closings_of(events, 2);
   diagnosis.misfit = misfit_of(*nominal, diagnosis.resolved);
@@ -236,9 +243,12 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     std::optional<Identification> fit;
   };
   std::vector<Found> found;
-  diagnosis.rate_ambiguity = rate_ambiguity(scene);
   std::vector<Parameter> parameters = parameters_of(scene, 1.0);
-  parameters.push_back(clock_rate_of(scene));
+  diagnosis.has_record = has_sampled_inputs(scene.model);
+  if (!diagnosis.has_record) {
+    diagnosis.rate_ambiguity = rate_ambiguity(scene);
+    parameters.push_back(clock_rate_of(scene));
+  }
   for (const Parameter& parameter : parameters) {
     const Unknown unknown = unknown_of(scene, parameter);
     auto fit = is_the_scale(scene, unknown) ? std::nullopt : judge.fit({unknown});
@@ -274,7 +284,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
                       (second.contact < 0 || second.contact == best->parameter.contact);
     if (same) continue;
     const double squares = squares_lost(scene, *found.front().fit, unknown_of(scene, second));
-    if (squares > gain_of_second * jitter * jitter) {
+    if (squares > gain_of_second * of_events * of_events) {
       diagnosis.candidates.front().improved_by = second.name;
       break;
     }

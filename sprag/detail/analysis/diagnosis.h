@@ -46,9 +46,11 @@ struct Diagnosis {
   std::string scene;
   int closings = 0;  ///< closings that are used
   double from = 0.0, to = 0.0;
-  double jitter = 0.0;    ///< specified jitter [s]; 0: exact
-  double resolved = 0.0;  ///< the jitter, at least the resolution of times [s]
-  double scatter = 0.0;   ///< scatter of event times about the nominal model [s]
+  double jitter = 0.0;  ///< specified jitter [s]; 0: exact
+  /// The jitter with the scatter by errors of recorded inputs, at least the resolution of times
+  /// [s].
+  double resolved = 0.0;
+  double scatter = 0.0;  ///< scatter of event times about the nominal model [s]
   /// Misfit of the nominal model with the jitter, per degree of freedom.
   double misfit = 0.0;
   double largest_misfit = 0.0;  ///< largest misfit of a fit
@@ -63,6 +65,9 @@ struct Diagnosis {
   std::vector<ContactEvent> spurious;
   /// Why the rate of the contact clock cannot be determined; empty: it can.
   std::string rate_ambiguity;
+  /// A recorded input drives the machine: its clock is taken as that of the events, but for a
+  /// delay.
+  bool has_record = false;
   /// Common frequency of all harmonics, if they have one; a clock offset is then a phase.
   double only_frequency = 0.0;
 

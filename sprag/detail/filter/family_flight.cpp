@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/polynomial_response.h"
 
 namespace sprag {
 namespace {
@@ -43,12 +44,14 @@ OscillatorStep step_of(double c, double k, double tau) {
 FamilyFlight::FamilyFlight(const MachineFamily& family) : family_(&family) {
   const Eigen::VectorXd nominal = family.nominal();
   variants_.resize(1 + 2 * static_cast<std::size_t>(unknowns()));
+  for (const RecordedInput& record : family.records()) cursors_.emplace_back(record.input);
   for (Variant& variant : variants_) {
-    variant.machine = family.at(nominal);
+    variant.machine = family.without_responses(nominal);
     variant.inputs = family.inputs(nominal);
     variant.x.setZero(2 * n());
     variant.harmonics.resize(static_cast<std::size_t>(variant.machine.groups()));
     variant.derivatives = variant.harmonics;
+    variant.recorded.resize(cursors_.size());
   }
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const bool own = is_of_flow(family.unknowns()[k]);
@@ -149,51 +152,64 @@ void FamilyFlight::add_held_terms(const Machine& machine, int contact, double sh
   term_ = share * next_;
 }
 
+// Adds the term of this order that constant forces, records and harmonics drive while the contact
+// is closed. `power` is step^order / order!, `share` step / (order + 1).
+void FamilyFlight::add_held_inputs(int contact, int order, double share, double power,
+                                   Variant& variant) {
+  const Machine& machine = variant.machine;
+  const auto w = machine.W.col(contact);
+  // The k-th derivatives of the support's motion and of the steady response.
+  double drive = 0.0;
+  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
+    const Complex i_Omega(0.0, machine.frequencies[g]);
+    Complex& derivative = variant.derivatives[static_cast<std::size_t>(g)];
+    if (order == 0) {
+      derivative = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
+                   machine.gap_response(contact, g) *
+                   variant.harmonics[static_cast<std::size_t>(g)];
+    }
+    drive += square(machine.frequencies[g]) * derivative.real();
+    derivative *= i_Omega * share;
+  }
+  for (Eigen::Index i = 0; order == 0 && i < n(); ++i) {
+    const double force = constant_force(i, variant);
+    term_[n() + i] += share * force;
+    drive -= w[i] * force;
+  }
+  const auto derivative = static_cast<std::size_t>(order) + 2;
+  for (Eigen::Index r = 0; r < machine.records() && derivative < InputDerivatives{}.size(); ++r) {
+    const double a = power * variant.recorded[static_cast<std::size_t>(r)][derivative];
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      const double force = machine.recorded_forces(i, r) * a;
+      term_[n() + i] += share * force;
+      drive -= w[i] * force;
+    }
+    drive -= machine.shares(contact, r) * a;
+  }
+  term_.tail(n()) += (share * drive / w.squaredNorm()) * w;
+}
+
 // Moves variant.x, which is the free part here, by Taylor series in steps in which no angle turns
 // by more than 1.
 void FamilyFlight::hold(int contact, double tau, Variant& variant) {
   const Machine& machine = variant.machine;
-  const auto w = machine.W.col(contact);
-  const Eigen::Index constants = 2 * machine.groups();
   const double steps = std::max(1.0, steps_of_holding(tau));
   const double step = tau / steps;
   for (int i = 0; i < static_cast<int>(steps); ++i) {
     term_ = variant.x;
+    double power = 1.0;
     for (int k = 0; k < terms_of_series; ++k) {
       const double share = step / (k + 1);
       add_held_terms(machine, contact, share);
-      // The k-th derivatives of the support's motion and of the steady response drive this term.
-      double drive = 0.0;
-      for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-        const Complex i_Omega(0.0, machine.frequencies[g]);
-        Complex& derivative = variant.derivatives[static_cast<std::size_t>(g)];
-        if (k == 0) {
-          derivative = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                       machine.gap_response(contact, g) *
-                       variant.harmonics[static_cast<std::size_t>(g)];
-        }
-        drive += square(machine.frequencies[g]) * derivative.real();
-        derivative *= i_Omega * share;
-      }
-      drive *= share / w.squaredNorm();
-      term_.tail(n()) += drive * w;
-      if (k == 0) {
-        double along = 0.0;
-        for (Eigen::Index m = 0; m < n(); ++m) {
-          for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-            const double force = machine.constant_forces(m, j) * variant.inputs[constants + j];
-            term_[n() + m] += share * force;
-            along += w[m] * force;
-          }
-        }
-        term_.tail(n()) -= (share * along / w.squaredNorm()) * w;
-      }
+      add_held_inputs(contact, k, share, power, variant);
+      power *= share;
       variant.x += term_;
     }
     for (Eigen::Index g = 0; g < machine.groups(); ++g) {
       variant.harmonics[static_cast<std::size_t>(g)] *=
           std::polar(1.0, machine.frequencies[g] * step);
     }
+    for (InputDerivatives& of : variant.recorded) of = moved_by(of, step);
   }
 }
 
@@ -225,24 +241,75 @@ void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& vari
   turn(t);
   add_steady(-1.0, variant);
   if (held_ >= 0) {
-    hold(held_, tau, variant);
-    turn(t + tau);
-    add_steady(1.0, variant);
-    return;
-  }
-  if (variant.own_flow) find_steps(variant, tau, variant.steps);
-  const std::vector<OscillatorStep>& steps = variant.own_flow ? variant.steps : steps_;
-  const Eigen::Index constants = 2 * machine.groups();
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const OscillatorStep& step = steps[static_cast<std::size_t>(i)];
-    double force = 0.0;
-    for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-      force += machine.constant_forces(i, j) * variant.inputs[constants + j];
-    }
-    step.apply(force, variant.x[i], variant.x[n() + i]);
+    along_records(t, tau, variant, [&](double part) { hold(held_, part, variant); });
+  } else {
+    if (variant.own_flow) find_steps(variant, tau, variant.steps);
+    const std::vector<OscillatorStep>& steps = variant.own_flow ? variant.steps : steps_;
+    along_records(t, tau, variant, [&](double part) { move_free(part, steps, variant); });
   }
   turn(t + tau);
   add_steady(1.0, variant);
+}
+
+template <class Move>
+void FamilyFlight::along_records(double t, double tau, Variant& variant, const Move& move) {
+  const Machine& machine = variant.machine;
+  const bool forwards = tau >= 0.0;
+  const double end = t + tau;
+  for (std::size_t r = 0; r < cursors_.size(); ++r) {
+    const auto j = static_cast<Eigen::Index>(r);
+    const SampledInput::Settings& nominal = family_->records()[r].input->settings();
+    cursors_[r].start(t, forwards, variant.inputs[2 * machine.groups() + j] / nominal.gain,
+                      machine.delays[j] - nominal.delay);
+  }
+  const auto set_recorded = [&](double at) {
+    for (std::size_t r = 0; r < cursors_.size(); ++r) variant.recorded[r] = cursors_[r].at(at);
+  };
+  double from = t;
+  for (;;) {
+    double to = end;
+    for (const InputCursor& cursor : cursors_) {
+      to = forwards ? std::min(to, cursor.next()) : std::max(to, cursor.next());
+    }
+    set_recorded(from);
+    move(from == t && to == end ? tau : to - from);
+    if (to == end) break;
+    for (InputCursor& cursor : cursors_) {
+      if (cursor.next() == to) cursor.pass();
+    }
+    from = to;
+  }
+  set_recorded(end);
+}
+
+double FamilyFlight::constant_force(Eigen::Index i, const Variant& variant) const {
+  const Machine& machine = variant.machine;
+  double force = 0.0;
+  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
+    force += machine.constant_forces(i, j) * variant.inputs[machine.driving() + j];
+  }
+  return force;
+}
+
+void FamilyFlight::move_free(double part, const std::vector<OscillatorStep>& steps,
+                             Variant& variant) const {
+  const Machine& machine = variant.machine;
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    double& y = variant.x[i];
+    double& u = variant.x[n() + i];
+    if (machine.records() == 0) {
+      steps[static_cast<std::size_t>(i)].apply(constant_force(i, variant), y, u);
+      continue;
+    }
+    PolynomialForce force{constant_force(i, variant)};
+    for (Eigen::Index r = 0; r < machine.records(); ++r) {
+      const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
+      for (std::size_t k = 2; k < of.size(); ++k) {
+        force[k - 2] += machine.recorded_forces(i, r) * of[k];
+      }
+    }
+    move_under_force(0.5 * machine.C(i, 0), machine.K(i, 0), force, part, y, u);
+  }
 }
 
 void FamilyFlight::move(double tau, int held) {
@@ -271,7 +338,12 @@ void FamilyFlight::fly_on(double tau, ContactSet held) {
 }
 
 bool FamilyFlight::can_hold(ContactSet held, double duration) const {
-  return held == 0 || (std::has_single_bit(held) && steps_of_holding(duration) < most_held_steps);
+  if (held == 0) return true;
+  double steps = steps_of_holding(duration);
+  for (const RecordedInput& record : family_->records()) {
+    steps += std::abs(duration) / record.input->spacing();
+  }
+  return std::has_single_bit(held) && steps < most_held_steps;
 }
 
 ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const {
@@ -331,7 +403,7 @@ void FamilyFlight::carry(Columns dx) {
   }
 }
 
-// The motion of a mode minus its steady response to the harmonics.
+// The motion of a mode minus its steady response to the harmonics; under the force of the records.
 FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& variant) const {
   const Machine& machine = variant.machine;
   FreePart part{variant.x[i], variant.x[n() + i]};
@@ -342,9 +414,9 @@ FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& va
     part.y -= steady.real();
     part.u += machine.frequencies[g] * steady.imag();
   }
-  const Eigen::Index constants = 2 * machine.groups();
-  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-    part.force += machine.constant_forces(i, j) * variant.inputs[constants + j];
+  part.force = constant_force(i, variant);
+  for (Eigen::Index r = 0; r < machine.records(); ++r) {
+    part.force += machine.recorded_forces(i, r) * variant.recorded[static_cast<std::size_t>(r)][2];
   }
   part.acceleration = part.force - machine.C(i, 0) * part.u - machine.K(i, 0) * part.y;
   return part;
@@ -354,9 +426,16 @@ FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& va
 Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
   const Machine& machine = variant.machine;
   Gap gap;
-  const Eigen::Index constants = 2 * machine.groups();
-  gap.g = variant.inputs[constants + machine.constant_forces.cols() + contact];
+  gap.g = variant.inputs[machine.driving() + machine.constant_forces.cols() + contact];
   gap.length = std::abs(gap.g);
+  for (Eigen::Index r = 0; r < machine.records(); ++r) {
+    const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
+    const double share = machine.shares(contact, r);
+    gap.g += share * of[0];
+    gap.length += std::abs(share * of[0]);
+    gap.velocity += share * of[1];
+    gap.acceleration += share * of[2];
+  }
   for (Eigen::Index g = 0; g < machine.groups(); ++g) {
     const Complex z = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
                       variant.harmonics[static_cast<std::size_t>(g)];
@@ -394,6 +473,13 @@ Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
     terms += Omega * Omega * std::abs(z) * (1.0 + std::abs(Omega * end_));
   }
   const auto w = machine.W.col(contact);
+  for (Eigen::Index r = 0; r < machine.records(); ++r) {
+    const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
+    const double share = machine.shares(contact, r);
+    a += share * of[2];
+    rate += (share + w.dot(machine.recorded_forces.col(r))) * of[3];
+    terms += std::abs(share * of[2]);
+  }
   for (Eigen::Index i = 0; i < n(); ++i) {
     const FreePart part = free_part(i, variant);
     a += w[i] * part.acceleration;

@@ -14,6 +14,7 @@
 
 #include "sprag/detail/filter/flight.h"
 #include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/mechanics/input_cursor.h"
 #include "sprag/detail/mechanics/oscillators.h"
 
 namespace sprag {
@@ -76,6 +77,7 @@ class FamilyFlight final : public Flight {
     std::vector<std::complex<double>>
         harmonics;  // exp(i Omega t) of each group, at the end of the flight
     std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
+    std::vector<InputDerivatives> recorded;         // each record, at the end of the flight
   };
 
   Variant& centre() { return variants_.front(); }
@@ -83,6 +85,13 @@ class FamilyFlight final : public Flight {
   void set_machine(const Eigen::VectorXd& values, Variant& variant) const;
   void find_steps(const Variant& variant, double tau, std::vector<OscillatorStep>& steps) const;
   void fly(const ConstVector& x, double t, double tau, Variant& variant);
+  // Calls move(part) for each part of a flight from t by tau in which every record is a polynomial.
+  // variant.recorded is that at the start of the part.
+  template <class Move>
+  void along_records(double t, double tau, Variant& variant, const Move& move);
+  // Moves the free part of variant.x by a part of a flight.
+  void move_free(double part, const std::vector<OscillatorStep>& steps, Variant& variant) const;
+  double constant_force(Eigen::Index i, const Variant& variant) const;
   void add_steady(double sign, Variant& variant) const;
   void strike(int contact, bool stays, Variant& variant);
   void hold(int contact, double tau, Variant& variant);
@@ -90,6 +99,7 @@ class FamilyFlight final : public Flight {
   void hold_homogeneous(int contact, double tau);
   void move(double tau, int held);
   void add_held_terms(const Machine& machine, int contact, double share);
+  void add_held_inputs(int contact, int order, double share, double power, Variant& variant);
   // Free part of a mode: position, velocity, constant force, acceleration without contact forces.
   struct FreePart {
     double y = 0.0, u = 0.0, force = 0.0, acceleration = 0.0;
@@ -100,6 +110,7 @@ class FamilyFlight final : public Flight {
   void difference();
 
   const MachineFamily* family_;
+  std::vector<InputCursor> cursors_;
   std::vector<Variant> variants_;  // the centre; then two for each unknown, c_k +- difference_of_c
   bool derivatives_ = false;
   Eigen::VectorXd c_, values_;

@@ -56,12 +56,6 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
 // Throws ModelError if a FamilyFlight cannot take the family. `where`: the table or key of the
 // scene that lists the unknowns.
 const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
-  if (!family.records().empty()) {
-    throw ModelError(
-        where +
-        ": a recorded input (the key `file` of [excitation] or [[force]]) is not supported; a "
-        "filter of parameters needs constant and harmonic inputs");
-  }
   for (const Unknown& unknown : family.unknowns()) {
     if (is_common(unknown)) {
       throw ModelError(

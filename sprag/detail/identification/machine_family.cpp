@@ -134,7 +134,6 @@ void MachineFamily::add_records() {
   recorded_motions_.setZero(contacts(), R);
   for (Eigen::Index r = 0; r < R; ++r) {
     const RecordedInput& record = records_[static_cast<std::size_t>(r)];
-    raw_.push_back(with_gain_and_delay(*record.input, 1.0, 0.0));
     for (const int j : record.forces) {
       recorded_forces_.col(r) +=
           V_.transpose() * model.forces[static_cast<std::size_t>(j)].direction;
@@ -156,6 +155,9 @@ MachineFamily::Responses MachineFamily::responses_of(const Machine& machine) con
   for (const Tabulated& table : tabulated_) {
     if (table.C == machine.C && table.K == machine.K) return table.responses;
   }
+  for (std::size_t r = raw_.size(); r < records_.size(); ++r) {
+    raw_.push_back(with_gain_and_delay(*records_[r].input, 1.0, 0.0));
+  }
   std::vector<RecordedResponse> responses;
   for (std::size_t r = 0; r < raw_.size(); ++r) {
     responses.emplace_back(raw_[r], machine.modal, machine.C, machine.K,
@@ -168,8 +170,7 @@ MachineFamily::Responses MachineFamily::responses_of(const Machine& machine) con
   return tabulated_.back().responses;
 }
 
-void MachineFamily::set_records(const Eigen::VectorXd& values, Machine& machine) const {
-  machine.recorded = responses_of(machine);
+void MachineFamily::set_delays(const Eigen::VectorXd& values, Machine& machine) const {
   for (std::size_t r = 0; r < records_.size(); ++r) {
     machine.delays[static_cast<Eigen::Index>(r)] = records_[r].input->settings().delay;
   }
@@ -258,6 +259,12 @@ void MachineFamily::set_flow(const Eigen::VectorXd& values, Machine& machine) co
 }
 
 Machine MachineFamily::at(const Eigen::VectorXd& values) const {
+  Machine machine = without_responses(values);
+  machine.recorded = responses_of(machine);
+  return machine;
+}
+
+Machine MachineFamily::without_responses(const Eigen::VectorXd& values) const {
   Machine machine;
   machine.W = W_;
   machine.jump = W_;
@@ -267,6 +274,7 @@ Machine MachineFamily::at(const Eigen::VectorXd& values) const {
   machine.constant_forces = constant_forces_;
   machine.positions.setConstant(contacts(), std::numeric_limits<double>::quiet_NaN());
   machine.delays.resize(static_cast<Eigen::Index>(records_.size()));
+  machine.recorded_forces = recorded_forces_;
   machine.shares = recorded_motions_;
   at(values, machine);
   return machine;
@@ -290,7 +298,7 @@ void MachineFamily::set_position(int contact, double position, Machine& machine)
 
 void MachineFamily::at(const Eigen::VectorXd& values, Machine& machine) const {
   set_flow(values, machine);
-  set_records(values, machine);
+  set_delays(values, machine);
   const Model& model = scene_.model;
   frequencies(values, machine.frequencies);
   double common = std::numeric_limits<double>::quiet_NaN();  // restitution of all contacts

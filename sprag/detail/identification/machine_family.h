@@ -37,8 +37,9 @@ struct Machine {
   Eigen::VectorXd positions;        ///< x_c of each contact if it is an unknown, else NaN
   /// R responses to the recorded inputs, delayed by `delays`; null: R = 0.
   std::shared_ptr<const std::vector<RecordedResponse>> recorded;
-  Eigen::VectorXd delays;  ///< R [s]
-  Eigen::MatrixXd shares;  ///< m x R: motion of the supports by e(t) of each record
+  Eigen::VectorXd delays;           ///< R [s]
+  Eigen::MatrixXd recorded_forces;  ///< n x R: forces by a(t) of each record
+  Eigen::MatrixXd shares;           ///< m x R: motion of the supports by e(t) of each record
 
   Eigen::Index n() const { return W.rows(); }
   Eigen::Index groups() const { return frequencies.size(); }
@@ -82,11 +83,14 @@ class MachineFamily {
   Eigen::Index n() const { return scene_.model.coordinates(); }
   int contacts() const { return static_cast<int>(scene_.model.contacts.size()); }
 
-  /// `values` are those of all unknowns in their order, the linear ones included.
+  /// `values` are those of all unknowns in their order, the linear ones included. Not for several
+  /// threads at once if the family has a record.
   Machine at(const Eigen::VectorXd& values) const;
+  /// The same without responses to the records.
+  Machine without_responses(const Eigen::VectorXd& values) const;
   Eigen::VectorXd inputs(const Eigen::VectorXd& values) const;
-  /// The same in place. `machine` and `inputs` must come from this family. Does not allocate if the
-  /// machine is modal and has no record. Not for several threads at once if it has one.
+  /// The same in place, without responses to the records: `recorded` does not change. `machine` and
+  /// `inputs` must come from this family. Does not allocate if the machine is modal.
   void at(const Eigen::VectorXd& values, Machine& machine) const;
   void inputs(const Eigen::VectorXd& values, Eigen::VectorXd& inputs) const;
   /// Rate of the contact clock over its nominal rate.
@@ -131,7 +135,7 @@ class MachineFamily {
   int groups_count() const { return static_cast<int>(groups_.size()); }
   // Index of the first constant force's factor: 2 G + R.
   Eigen::Index driving() const { return gain_input(static_cast<int>(records_.size())); }
-  void set_records(const Eigen::VectorXd& values, Machine& machine) const;
+  void set_delays(const Eigen::VectorXd& values, Machine& machine) const;
   void add_records();
   Responses responses_of(const Machine& machine) const;
   void set_record(const Unknown& unknown, double value, Scene& scene) const;
@@ -157,11 +161,13 @@ class MachineFamily {
   Eigen::MatrixXcd motions_;              // and the supports' motions, m x G
   Eigen::MatrixXd constant_forces_;       // n x J
   std::vector<RecordedInput> records_;
-  std::vector<SampledInput> raw_;     // their samples with gain 1 and delay 0
   Eigen::MatrixXd recorded_forces_;   // n x R, of a(t)
   Eigen::MatrixXd recorded_motions_;  // m x R, of e(t)
   double longest_delay_ = 0.0;        // of any record in the search
-  // The last ones that were asked for: a grid and difference quotients return to the same C and K.
+  // The records' samples with gain 1 and delay 0; empty until responses are asked for.
+  mutable std::vector<SampledInput> raw_;
+  // The last responses that were asked for: a grid and difference quotients return to the same C
+  // and K.
   mutable std::vector<Tabulated> tabulated_;
 };
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <complex>
 
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/filter/family_flight.h"
@@ -22,13 +21,7 @@ Eigen::VectorXd start_of(const MachineFamily& family, const Likelihood& path, st
   const Eigen::VectorXd inputs = family.inputs(path.values);
   const Eigen::Index n = family.n();
   Eigen::VectorXd x = path.x0[s];
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const std::complex<double> z = std::complex<double>(inputs[2 * g], inputs[2 * g + 1]) *
-                                   std::polar(1.0, machine.frequencies[g] * path.path[s].start);
-    const std::complex<double> rate(0.0, machine.frequencies[g]);
-    x.head(n) += (machine.response.col(g) * z).real();
-    x.tail(n) += (machine.response.col(g) * (z * rate)).real();
-  }
+  add_driven_motion(machine, inputs, path.path[s].start, x.head(n), x.tail(n));
   return x;
 }
 

@@ -3,7 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/filter/family_flight.h"
+#include "sprag/detail/filter/triangularize.h"
 #include "sprag/detail/identification/path_posterior.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/identification.h"
 
 namespace sprag {
@@ -13,6 +17,26 @@ using Kind = Unknown::Kind;
 
 // Least resolution of times, relative to the usual time between impacts.
 constexpr double resolved_time = 1e-10;
+
+// Process noise of the events of a task: the walks of [adapt] and the noise of the records.
+FilterModel noise_of(const MachineFamily& family) {
+  FilterModel model{.walk = walk_of(family.scene(), std::ssize(family.unknowns()))};
+  if (family.records().empty()) return model;
+  const Eigen::MatrixXd noise = uncertainty_of(family.scene()).input_noise;
+  model.kicks = product(FamilyFlight(family).from_state().rightCols(family.n()), noise);
+  return model;
+}
+
+// Adds errors of the unknowns, which are independent of the belief's.
+void add_errors(const Eigen::VectorXd& of_unknowns, FilterBelief& belief) {
+  const Eigen::Index P = of_unknowns.size(), size = belief.S.rows();
+  FilterBelief::Rows all = FilterBelief::Rows::Zero(size, size + P);
+  all.leftCols(size) = belief.S;
+  all.bottomRightCorner(P, P) = of_unknowns.asDiagonal();
+  Eigen::VectorXd scratch(all.cols());
+  triangularize(all, 0, size, all.cols(), scratch);
+  belief.S = all.leftCols(size);
+}
 
 }  // namespace
 
@@ -62,8 +86,9 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.prior.adaptation.walks()
                            ? resolved_time * found.interval
                            : std::max(found.jitter, resolved_time * found.interval);
-  result.belief = path_posterior(family, {.walk = walk_of(scene, std::ssize(family.unknowns()))},
-                                 found.likelihood, found.measured, sigma);
+  result.belief = path_posterior(family, noise_of(family), found.likelihood, found.measured, sigma);
+  // The path posterior has the noise of the records, but not their interpolation errors.
+  if (!found.record_errors.empty()) add_errors(found.record_errors.resolution, result.belief);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
   const Impact& last = found.measured.back().impacts.back();
   result.state_is_known = last.timed && last.event + 1 == task.events.size() &&

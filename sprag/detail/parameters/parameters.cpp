@@ -5,6 +5,8 @@
 #include <numbers>
 #include <span>
 
+#include "sprag/detail/parameters/unknowns.h"
+
 namespace sprag {
 namespace {
 
@@ -127,7 +129,7 @@ void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   frequency.lowest = (1.0 - largest_detuning) * frequency.nominal;
   frequency.highest = (1.0 + largest_detuning) * frequency.nominal;
   parameters.push_back(frequency);
-  if (common > 0.0) return;
+  if (common > 0.0 || has_sampled_inputs(scene.model)) return;
   // A larger offset than half of the slowest period is equivalent to a smaller one.
   double slowest = harmonics.front().frequency;
   for (const Harmonic& harmonic : harmonics) slowest = std::min(slowest, harmonic.frequency);
@@ -138,6 +140,35 @@ void add_excitation(const Scene& scene, std::vector<Parameter>& parameters) {
   offset.highest = offset.nominal + half_a_period;
   offset.relative = false;
   parameters.push_back(offset);
+}
+
+// Gain and delay of each record, by their keys in the scene file.
+void add_records(const Scene& scene, std::vector<Parameter>& parameters) {
+  int record = 0;
+  for (const RecordedInput& input : recorded_inputs(scene)) {
+    const SampledInput::Settings& settings = input.input->settings();
+    Parameter gain = around(Quantity::gain, input.key + ".gain", "", settings.gain);
+    Parameter delay{.quantity = Quantity::delay, .name = input.key + ".delay", .unit = "s"};
+    const double half_a_period = std::numbers::pi / mean_frequency(*input.input);
+    delay.nominal = settings.delay;
+    delay.lowest = delay.nominal - half_a_period;
+    delay.highest = delay.nominal + half_a_period;
+    delay.relative = false;
+    gain.record = delay.record = record++;
+    parameters.push_back(gain);
+    parameters.push_back(delay);
+  }
+}
+
+// The machine with another gain or delay of a record.
+void set_record(const Scene& scene, const Parameter& parameter, double value, Model& model) {
+  const RecordedInput record = recorded_inputs(scene)[static_cast<std::size_t>(parameter.record)];
+  const SampledInput::Settings& settings = record.input->settings();
+  const bool is_gain = parameter.quantity == Quantity::gain;
+  const auto changed = std::make_shared<const SampledInput>(with_gain_and_delay(
+      *record.input, is_gain ? value : settings.gain, is_gain ? settings.delay : value));
+  for (const int j : record.forces) model.forces[static_cast<std::size_t>(j)].input = changed;
+  for (const int i : record.contacts) model.contacts[static_cast<std::size_t>(i)].input = changed;
 }
 
 }  // namespace
@@ -187,6 +218,7 @@ std::vector<Parameter> parameters_of(const Scene& scene, double length) {
     parameters.push_back(position);
   }
   add_excitation(scene, parameters);
+  add_records(scene, parameters);
   return parameters;
 }
 
@@ -275,6 +307,10 @@ Model with(const Scene& scene, const Parameter& parameter, double value) {
     }
     case Quantity::clock_rate:
       rescale_time(value / parameter.nominal, model);
+      break;
+    case Quantity::gain:
+    case Quantity::delay:
+      set_record(scene, parameter, value, model);
       break;
   }
   return model;

@@ -23,11 +23,14 @@ enum class Quantity {
   position,      ///< x_c of a beam's contact [m]
   clock_offset,  ///< reading of the contact clock at the machine's t = 0 [s]
   clock_rate,    ///< of the contact clock [-]
+  gain,          ///< of a recorded input [-]
+  delay,         ///< of a recorded input [s]
 };
 
 struct Parameter {
   Quantity quantity = Quantity::restitution;
   int contact = -1;  ///< from 0; -1: all contacts, or the whole machine
+  int record = -1;   ///< from 0: the recorded input of a gain or delay; -1: none
   std::string name;  ///< name for people
   std::string unit;  ///< empty: none, or a factor
   double nominal = 0.0;
@@ -39,8 +42,8 @@ struct Parameter {
 
 /// Parameters of the scene's machine. A general system with C = 0 has no damping parameter, and a
 /// machine without excitation none of an excitation. The clock's offset is included only if
-/// harmonics of different frequencies distinguish it from a phase. `length` > 0 [m]: the machine's
-/// largest displacement, which sets the range of clearances.
+/// harmonics of different frequencies distinguish it from a phase, and no record's delay does.
+/// `length` > 0 [m]: the machine's largest displacement, which sets the range of clearances.
 std::vector<Parameter> parameters_of(const Scene& scene, double length);
 
 /// The rate of the contact clock.

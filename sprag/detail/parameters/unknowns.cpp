@@ -365,8 +365,7 @@ bool is_common(const Unknown& unknown) {
 
 bool can_be_filtered(const Unknown& unknown) {
   return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
-         unknown.kind != Kind::delay && unknown.kind != Kind::gain && !is_common(unknown) &&
-         !is_of_clock(unknown);
+         !is_common(unknown) && !is_of_clock(unknown);
 }
 
 bool carries_scale(const Unknown& unknown) {

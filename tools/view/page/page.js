@@ -315,7 +315,7 @@
   }
 
   // ---- curves ----
-  let curveChart = null, energyChart = null;
+  let curveChart = null, energyChart = null, inputChart = null;
   let frozen = false; // new curves wait in `waiting`; set by pointerdown in a chart, cleared by pointerup or zoom
   let applying = false;
 
@@ -421,19 +421,27 @@
       axes: axes({ ticker: (low, high, pixels) => logTicks(low, high, pixels) }), valueRange: [1e-3, 1],
       series: { V: { strokeWidth: 2 }, B: { strokeWidth: 1.6, strokePattern: [7, 4] } },
     }, common));
-    for (const id of ["curve-chart", "energy-chart"]) {
+    if (sprag.scene.input) {
+      byId("input-part").hidden = false;
+      put(byId("input-title"), sprag.scene.input);
+      inputChart = new Dygraph(byId("input-chart"), [[0, null]], Object.assign({
+        labels: ["t", "input"], axes: axes({ pixelsPerLabel: 22 }), dateWindow: [0, 20], series: { input: { strokeWidth: 1.4 } },
+      }, common));
+    }
+    for (const id of ["curve-chart", "input-chart", "energy-chart"]) {
       byId(id).addEventListener("pointerdown", () => { frozen = true; }, true);
     }
     for (const name of ["pointerup", "pointercancel"]) {
       window.addEventListener(name, () => setTimeout(() => {
         if (!frozen) return;
         frozen = false;
-        userMoved(curveChart);
-        userMoved(energyChart);
+        charts().forEach(userMoved);
       }, 0), true);
     }
     recolour();
   }
+
+  function charts() { return [curveChart, inputChart, energyChart].filter((chart) => chart); }
 
   function recolour() {
     readStyle();
@@ -441,6 +449,7 @@
     const common = { axisLineColor: style.muted, gridLineColor: style.grid };
     applying = true;
     curveChart.updateOptions(Object.assign({ colors: [style.estimate, style.ink] }, common), false);
+    if (inputChart) inputChart.updateOptions(Object.assign({ colors: [style.ink] }, common), false);
     energyChart.updateOptions(Object.assign({ colors: [style.estimate, style.replica] }, common), false);
     applying = false;
   }
@@ -468,8 +477,7 @@
     if (!curveChart) return;
     applying = true;
     const dateWindow = [sprag.view.from, sprag.view.to];
-    curveChart.updateOptions({ dateWindow });
-    energyChart.updateOptions({ dateWindow });
+    charts().forEach((chart) => chart.updateOptions({ dateWindow }));
     applying = false;
     if (sprag.curves) drawRaster(sprag.curves);
   }
@@ -515,6 +523,11 @@
     applying = true;
     curveChart.updateOptions({ file: rows, dateWindow, valueRange: heights });
     energyChart.updateOptions({ file: energies, dateWindow, valueRange });
+    if (inputChart) {
+      const { t, value } = curves.input;
+      const file = t.length > 0 ? t.map((at, i) => [at, value[i]]) : [[dateWindow[0], null]];
+      inputChart.updateOptions({ file, dateWindow });
+    }
     applying = false;
     drawRaster(curves);
     byId("guaranteed-legend").hidden = !curves.guaranteed.low.some((y) => y !== null);
@@ -669,7 +682,8 @@
       said.push(pace > 0.95 && pace < 1.05 ? "It keeps pace." : "It goes at " + short(pace) + " of the master's pace.");
     }
     if (lives && o.latencies > 0) said.push("An event is in the estimate " + duration(o.latency.p50) + " after it happened.");
-    const troubles = o.lost_events + o.skipped_events + o.inconsistencies + o.real_time_losses;
+    if (lives && o.input === "silent") said.push("No samples of the excitation arrive: the estimate holds the last one.");
+    const troubles = (o.input === "silent" ? 1 : 0) + o.lost_events + o.skipped_events + o.inconsistencies + o.real_time_losses;
     said.push(troubles === 0 ? "Nothing is amiss." : "Marked numbers show faults.");
     put(byId("health-words"), said.join(" "));
     const rows = [];
@@ -679,6 +693,7 @@
     add("latency", "latency, half / 99 % / most", o.latencies > 0
       ? duration(o.latency.p50) + " / " + duration(o.latency.p99) + " / " + duration(o.latency.max) : "no events", o.latencies > 0 ? o.latency.p50 : null);
     add("lateness", "lateness of ticks", duration(o.lateness.p50) + " / " + duration(o.lateness.p99) + " / " + duration(o.lateness.max), o.lateness.p50);
+    if (o.input !== "none") add("input", "excitation", o.input === "silent" ? "no samples" : "arrives", o.input, o.input === "silent");
     counted("ticks", "ticks settled");
     counted("missed_deadlines", "ticks that were late");
     counted("real_time_losses", "times real time was lost", true);
