@@ -118,10 +118,10 @@ py::tuple run_study(const std::filesystem::path& file, std::optional<int> jobs) 
 
 // ---- tolerances
 
-tolerance::Settings to_settings(const Scene& scene, std::optional<double> target,
-                                std::optional<double> duration, std::optional<double> jitter,
-                                std::optional<double> drift, int runs,
-                                const std::vector<std::string>& estimators) {
+tolerance::Settings tolerance_settings(const Scene& scene, std::optional<double> target,
+                                       std::optional<double> duration, std::optional<double> jitter,
+                                       std::optional<double> drift, int runs,
+                                       const std::vector<std::string>& estimators) {
   tolerance::Settings settings;
   const auto set = [](const char* name, const std::optional<double>& given, double& value) {
     if (!given) return;
@@ -210,7 +210,7 @@ void bind_studies(py::module_& module) {
          std::optional<double> jitter, std::optional<double> drift, int runs,
          const std::vector<std::string>& estimators, std::optional<int> jobs) {
         const tolerance::Settings settings =
-            to_settings(scene, target, duration, jitter, drift, runs, estimators);
+            tolerance_settings(scene, target, duration, jitter, drift, runs, estimators);
         const int threads = threads_of(jobs);
         return tables_of(long_call([&] { return find_tolerances(scene, settings, threads); }));
       },

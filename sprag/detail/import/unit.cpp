@@ -39,7 +39,7 @@ constexpr std::string_view without_a_name[] = {"min",  "minutes", "h",      "hou
 
 constexpr std::string_view blanks = " \t";
 
-std::string_view trimmed(std::string_view text) {
+std::string_view without_blanks(std::string_view text) {
   const std::size_t begin = text.find_first_not_of(blanks);
   if (begin == std::string_view::npos) return {};
   return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
@@ -50,7 +50,7 @@ bool same(const Decimal& a, const Decimal& b) {
 }
 
 std::optional<NamedUnit> as_unit(std::string_view text) {
-  text = trimmed(text);
+  text = without_blanks(text);
   for (const Word& word : words) {
     if (text == word.text) return NamedUnit{std::string(text), Decimal{1, word.exponent}};
   }

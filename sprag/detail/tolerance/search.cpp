@@ -13,16 +13,16 @@ namespace sprag::tolerance {
 namespace {
 
 // One amount of one deviation; null: no deviation.
-struct Trial {
+struct Attempt {
   const Deviation* deviation = nullptr;
   double amount = 0.0;
 };
 
-std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int threads,
+std::vector<Point> run(const Bench& bench, const std::vector<Attempt>& attempts, int threads,
                        const std::function<void(double)>& progress) {
   const int runs = bench.settings().runs;
   const std::size_t estimators = bench.settings().estimators.size();
-  const int count = runs * static_cast<int>(trials.size());
+  const int count = runs * static_cast<int>(attempts.size());
   struct Left {
     double V = 0.0, worse = 0.0;
   };
@@ -30,15 +30,15 @@ std::vector<Point> run(const Bench& bench, const std::vector<Trial>& trials, int
   std::mutex mutex;
   int done = 0;
   in_parallel(threads, count, [&](int i) {
-    const Trial& trial = trials[static_cast<std::size_t>(i / runs)];
-    for (const study::Figures& of : bench.figures(trial.deviation, trial.amount, i % runs))
+    const Attempt& attempt = attempts[static_cast<std::size_t>(i / runs)];
+    for (const study::Figures& of : bench.figures(attempt.deviation, attempt.amount, i % runs))
       left[static_cast<std::size_t>(i)].push_back({of.V_floor, of.worse});
     const std::lock_guard lock(mutex);
     progress(static_cast<double>(++done) / count);
   });
   std::vector<Point> points;
-  for (std::size_t t = 0; t < trials.size(); ++t) {
-    Point point{trials[t].amount, {}, {}};
+  for (std::size_t t = 0; t < attempts.size(); ++t) {
+    Point point{attempts[t].amount, {}, {}};
     for (std::size_t e = 0; e < estimators; ++e) {
       std::vector<double> values;
       double worse = 0.0;
@@ -105,7 +105,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
   for (Deviation& deviation : deviations)
     result.found.push_back({std::move(deviation), {}, {}, {}});
 
-  std::vector<Trial> coarse = {{}};
+  std::vector<Attempt> coarse = {{}};
   for (const Found& found : result.found) {
     for (const double amount : amounts(found.deviation, true))
       coarse.push_back({&found.deviation, amount});
@@ -120,7 +120,7 @@ Tolerances search(const Bench& bench, std::vector<Deviation> deviations, int thr
   }
 
   // Refine between the last tolerated power of ten and the next one.
-  std::vector<Trial> fine;
+  std::vector<Attempt> fine;
   for (const Found& found : result.found) {
     std::set<double> wanted;
     for (std::size_t e = 0; e < estimators; ++e) {
