@@ -126,6 +126,7 @@ class Identifier {
   void from_values(const MachineFamily& fewer, const Likelihood& of_fewer,
                    const Stretches& stretches, Attempt& best) const;
   void from_nominal(const Stretches& stretches, Attempt& best) const;
+  void from_narrower(const Stretches& stretches, Attempt& best) const;
   void from_fewer(const Stretches& stretches, Attempt& best) const;
   void cut_by_the_jitter(Attempt& best) const;
   void through_bounces(Attempt& best) const;
@@ -332,6 +333,25 @@ void Identifier::from_nominal(const Stretches& stretches, Attempt& best) const {
   const Likelihood alone = maximize_likelihood(fixed, stretches, projection.at(Eigen::VectorXd(0)));
   double jitter = 0.0;
   if (judge(fixed, alone, jitter) == Judged::good) from_values(fixed, alone, stretches, best);
+}
+
+// The wider the ranges, the coarser the grid of the search: what is found in narrower ranges
+// counts.
+void Identifier::from_narrower(const Stretches& stretches, Attempt& best) const {
+  for (const double share : {0.2, 0.35, 0.5, 0.7}) {
+    if (best.good()) return;
+    IdentificationSettings settings = settings_;
+    bool narrower = false;
+    for (Unknown& unknown : settings.unknowns) {
+      narrower = narrower || unknown.within > share;
+      unknown.within = std::min(unknown.within, share);
+    }
+    if (!narrower) return;
+    Identifier within(family_.scene(), events_, settings);
+    within.interval_ = interval_;
+    const Attempt found = within.attempt(stretches);
+    if (found.good()) from_values(within.family_, found.solution, found.stretches, best);
+  }
 }
 
 // One or two unknowns are easier to find than all.
@@ -795,6 +815,7 @@ Identification Identifier::run() {
   }
   Attempt best = attempt(stretches);
   from_nominal(stretches, best);
+  from_narrower(stretches, best);
   // Bounces of a chatter may be too close together for their jitter.
   const Stretches coarse = stretches_of(less_close, settings_.through_contact, settings_.jitter);
   if (!best.good() && settings_.jitter != 0.0 && count(coarse) != count(stretches) &&

@@ -13,13 +13,14 @@ namespace sprag {
 namespace {
 
 // Impacts with epsilon(v) = epsilon + trend v, in closed form.
-std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed) {
+std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed,
+                                  double scatter = 0.0) {
   common::Random draw(seed);
   std::vector<ContactEvent> events;
   double t = 0.1, v = 3.0;
   for (int k = 0; k < 30; ++k) {
     events.push_back({t + jitter * draw.normal(), 0, ContactEventKind::pulse});
-    v *= epsilon + trend * v;
+    v *= epsilon + trend * v + (scatter > 0.0 ? scatter * draw.normal() : 0.0);
     t += 2.0 * v / 9.81;
   }
   return events;
@@ -77,6 +78,31 @@ TEST(RestitutionTrend, IsZeroForConstantRestitution) {
       EXPECT_LT(std::abs(of.trend->trend), 4.0 * of.trend->sigma);
     }
   }
+}
+
+// The deviation of a trend includes the scatter of the restitution that the same run reports.
+TEST(RestitutionTrend, IsZeroBesideAScatteringRestitution) {
+  constexpr double jitter = 1e-4, scatter = 3e-3;
+  const Scene scene =
+      test::ball("0.0", "law = \"newton\"\nrestitution = 0.92", "[master]\nu = [3.0]\n[replica]\n");
+  IdentificationSettings settings;
+  settings.unknowns = {unknown_of(scene, "impact.restitution")};
+  int scatters = 0, apart = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const Identification fit = identify(scene, bounces(0.9, 0.0, jitter, seed, scatter), settings);
+    const Departure& departure = fit.departure;
+    if (!departure.is_scatter()) continue;
+    ++scatters;
+    ASSERT_TRUE(departure.trend && departure.trend_beside);
+    const RestitutionTrend &alone = *departure.trend, &beside = *departure.trend_beside;
+    std::cout << "seed " << seed << ": " << beside.trend << " +- " << beside.sigma
+              << ", without the scatter " << alone.trend << " +- " << alone.sigma << '\n';
+    EXPECT_LT(std::abs(beside.trend), 4.0 * beside.sigma) << "seed " << seed;
+    EXPECT_FALSE(beside.found()) << "seed " << seed;
+    apart += std::abs(alone.trend) > 4.0 * alone.sigma ? 1 : 0;
+  }
+  EXPECT_GE(scatters, 7);
+  EXPECT_GT(apart, 0);  // the records show the difference
 }
 
 }  // namespace

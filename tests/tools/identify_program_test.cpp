@@ -365,6 +365,9 @@ TEST_F(IdentifyProgramTest, MisfitIsRefusedUnlessAccepted) {
   EXPECT_EQ(refused.code, 3) << refused.out;
   EXPECT_NE(refused.out.find("paper_beam: no fit"), std::string::npos) << refused.out;
   EXPECT_FALSE(std::filesystem::exists(path("fitted.toml")));
+  EXPECT_NE(refused.err.find("fitted.toml is not written: the events do not fit"),
+            std::string::npos)
+      << refused.err;
   const Ended taken =
       identify({events, scene_file("paper_beam"), "--free", "beam.bending_stiffness,beam.damping",
                 "--within", "0.1", "--accept", "--output", path("fitted.toml")});

@@ -123,9 +123,9 @@ void append_model_error(const IdentifyResult& result, std::string& text) {
     text += "No drift from the model is found; it is below " + number(error.drift->high, 2) +
             " (95 %).\n";
   }
-  if (!error.trend) return;
-  const RestitutionTrend& trend = *error.trend;
-  if (!error.is_trend()) {
+  if (!error.trend_beside) return;
+  const RestitutionTrend& trend = *error.trend_beside;
+  if (!trend.found()) {
     text += "No dependence of the restitution on the impact's speed is found: " +
             rounded_to_sigma(trend.trend, trend.sigma) + " +- " + number(trend.sigma, 2) +
             " per unit of speed.\n";
@@ -310,13 +310,13 @@ void write_departure(const Departure& error, nlohmann::ordered_json& object) {
                                      {"jitter", error.scatter->jitter}};
   }
   object["restitution_trend"] = nullptr;
-  if (error.trend) {
-    object["restitution_trend"] = {{"found", error.trend->found()},
-                                   {"value", error.trend->trend},
-                                   {"sigma", error.trend->sigma},
-                                   {"gain", error.trend->gain},
-                                   {"chi2_without", error.trend->chi2_without},
-                                   {"chi2_with", error.trend->chi2_with}};
+  if (const auto& trend = error.trend_beside) {
+    object["restitution_trend"] = {{"found", trend->found()},
+                                   {"value", trend->trend},
+                                   {"sigma", trend->sigma},
+                                   {"gain", trend->gain},
+                                   {"chi2_without", trend->chi2_without},
+                                   {"chi2_with", trend->chi2_with}};
   }
 }
 

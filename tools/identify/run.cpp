@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
@@ -49,6 +50,10 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
     std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
               << " is left as it was\n";
   }
+}
+
+void note_unwritten(const std::filesystem::path& file, const std::string& why) {
+  std::cerr << printable(file.string()) << " is not written: " << why << '\n';
 }
 
 }  // namespace
@@ -99,11 +104,20 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   write_json(result, object);
   print_result(object, to_text(result), run.json, report);
   const bool good = result.fit.fits() || effective;
-  if (!run.events.empty() && result.fit.converged()) {
-    write_mended(run.events, recorded.events, scene.clock, result.fit);
+  if (!run.events.empty()) {
+    if (result.fit.converged()) {
+      write_mended(run.events, recorded.events, scene.clock, result.fit);
+    } else {
+      note_unwritten(run.events, "no optimum was found");
+    }
   }
-  if (good && !run.output.empty()) {
-    write_scene(run, text, scene, result.fit, recorded.begins);
+  if (!run.output.empty()) {
+    if (good) {
+      write_scene(run, text, scene, result.fit, recorded.begins);
+    } else {
+      note_unwritten(run.output,
+                     run.accept ? "--accept takes only a wrong model" : "the events do not fit");
+    }
   }
   if (!recorded.whole) return exit_failed;
   return good ? exit_done : exit_not_identified;

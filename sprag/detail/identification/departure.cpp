@@ -68,8 +68,14 @@ double growth_of(const std::vector<double>& innovations, std::size_t first) {
 }
 
 Departure estimate_departure(const Scene& scene, const Identification& fit) {
-  Departure departure{estimate_drift(scene, fit), estimate_restitution_scatter(scene, fit),
-                      estimate_restitution_trend(scene, fit)};
+  Departure departure;
+  departure.drift = estimate_drift(scene, fit);
+  departure.scatter = estimate_restitution_scatter(scene, fit);
+  departure.trend = estimate_restitution_trend(scene, fit);
+  departure.trend_beside = departure.trend;
+  if (departure.is_drift() || departure.is_scatter()) {
+    departure.trend_beside = estimate_restitution_trend(scene, fit, departure);
+  }
   if (is_near(fit) && !is_exact(fit) && fit.freedom > 0) {
     const LinearizedFilter filter(scene, fit, LinearizedFilter::About::fit);
     departure.correlation =

@@ -63,6 +63,8 @@ struct Departure {
   std::optional<DriftEstimate> drift;  ///< empty if the fit does not determine it
   std::optional<RestitutionScatter> scatter;
   std::optional<RestitutionTrend> trend;
+  /// The trend beside a significant drift or scatter, which its deviation includes; else `trend`.
+  std::optional<RestitutionTrend> trend_beside;
   /// As RestitutionScatter::correlation, without any scatter.
   double correlation = 0.0;
 

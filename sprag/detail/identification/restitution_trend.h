@@ -13,8 +13,9 @@ namespace sprag {
 
 /// Estimates the trend for a fit that sought a restitution. Empty if it did not, if the times are
 /// exact, or if the residuals are so large that the fit may have found other values than the
-/// machine's.
+/// machine's. A significant drift or scatter of `beside` adds to the variances.
 std::optional<RestitutionTrend> estimate_restitution_trend(const Scene& scene,
-                                                           const Identification& fit);
+                                                           const Identification& fit,
+                                                           const Departure& beside = {});
 
 }  // namespace sprag
