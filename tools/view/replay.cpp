@@ -100,7 +100,7 @@ class OwnObserver {
         0, [](const auto&) {},
         [&](const Estimation::State& state) {
           check_interrupt();
-          estimation_.describe(state, sample_);
+          estimation_.describe(state, true, sample_);
           sample_.settled_tick = state.tick;
           const std::lock_guard lock(stage_.mutex);
           stage_.watch.take_settled(sample_, arrival);
