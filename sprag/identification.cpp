@@ -53,11 +53,16 @@ double usual(std::vector<double> sizes) {
 
 enum class Judged { good, none, unconverged, scatter, inside };
 
+struct OtherMinimum {
+  Eigen::VectorXd values;
+  double scatter = 0.0;
+};
+
 struct Attempt {
   Stretches stretches;  // data of the fit
   Likelihood solution;
-  std::vector<Eigen::VectorXd> others;  // values at other minima that fit as well
-  double jitter = 0.0;                  // specified, or found
+  std::vector<OtherMinimum> others;  // that are good as well
+  double jitter = 0.0;               // specified, or found
   Judged judged = Judged::none;
   int bounces = 0;  // passed bounces, and those that became impacts
   std::vector<std::size_t> spurious;
@@ -122,6 +127,7 @@ class Identifier {
                           double jitter) const;
 
   void consider(Attempt next, Attempt& best) const;
+  std::vector<Eigen::VectorXd> rivals(const Attempt& best) const;
   Attempt attempt(const Stretches& stretches) const;
   void from_values(const MachineFamily& fewer, const Likelihood& of_fewer,
                    const Stretches& stretches, Attempt& best) const;
@@ -258,7 +264,7 @@ void Identifier::consider(Attempt next, Attempt& best) const {
     Attempt& other = better ? best : next;
     if (differ(best.solution.values, next.solution.values)) {
       next.others = best.others;
-      next.others.push_back(other.solution.values);
+      next.others.push_back({other.solution.values, other.solution.scatter()});
       best.others = next.others;
     } else {
       next.others = best.others;
@@ -267,6 +273,19 @@ void Identifier::consider(Attempt next, Attempt& best) const {
   } else if (next.good() || (!best.good() && (!best.exists() || better))) {
     best = std::move(next);
   }
+}
+
+// Values at the other minima that the events do not exclude. Without a specified jitter, a far
+// larger scatter excludes a minimum.
+std::vector<Eigen::VectorXd> Identifier::rivals(const Attempt& best) const {
+  constexpr double far_larger = 10.0;
+  std::vector<Eigen::VectorXd> values;
+  for (const OtherMinimum& other : best.others) {
+    if (settings_.jitter || other.scatter < far_larger * best.solution.scatter()) {
+      values.push_back(other.values);
+    }
+  }
+  return values;
 }
 
 Attempt Identifier::attempt(const Stretches& stretches) const {
@@ -604,7 +623,7 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   result.stretches = static_cast<int>(stretches.size());
   result.from = stretches.front().impacts.front().t;
   result.to = stretches.back().impacts.back().t;
-  result.others = best.others;
+  result.others = rivals(best);
   result.spurious = best.spurious;
   result.missing = best.missing;
   result.spurious_left_out = static_cast<int>(best.spurious.size());
@@ -684,6 +703,8 @@ void Identifier::put_combinations(const Attempt& best, Identification& result) c
     }
     result.combinations.push_back(std::move(combination));
   }
+  // All directions are determined: the other solution is separate.
+  if (std::ssize(result.combinations) == n) result.combinations.clear();
 }
 
 // If the model is right, the squares that the last fifth adds, over the jitter^2 of the rest, are
@@ -866,7 +887,7 @@ void Identifier::conclude(Attempt& best, Identification& result) {
       best.good() || (best.judged == Judged::scatter && best.solution.converged);
   if (is_optimum) {
     const double sigma = std::max(best.jitter, best.solution.scatter());
-    determination_ = determine(family_, best.stretches, best.solution, best.others, sigma);
+    determination_ = determine(family_, best.stretches, best.solution, rivals(best), sigma);
     if (!best.held.empty()) {
       include_held(family_, best.stretches, best.held, sigma, determination_);
     }

@@ -96,7 +96,7 @@ enum class FitProblem {
   merged_bounces,           ///< the model has many impacts closer together than any recorded
   lost_or_spurious_events,  ///< between two impacts the machine would be inside a support
   bound_reached,            ///< a parameter ends at or beyond the range of the search
-  degenerate_orbit,         ///< the events determine only combinations of parameters
+  degenerate_orbit,         ///< other values of the parameters explain the events
   wrong_model               ///< the residuals are not the jitter
 };
 

@@ -459,6 +459,22 @@ TEST(Identification, UnidentifiableParametersAreReported) {
                           [](const FittedUnknown& fitted) { return !fitted.determined; }));
 }
 
+// In wide ranges the search finds other minima, whose scatter exact times exclude.
+TEST(Identification, ExcludedMinimaDoNotRefuseAFit) {
+  const Scene scene = shipped_scene("lab_rig");
+  Scene machine = scene;
+  machine.model.contacts[0].restitution = 0.5656721473;
+  IdentificationSettings settings;
+  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  for (const double within : {0.3, 0.5, 0.9}) {
+    for (Unknown& unknown : settings.unknowns) unknown.within = within;
+    const Identification found = identify(scene, events_of(machine, 20.0), settings);
+    EXPECT_TRUE(found.fits()) << "within " << within;
+    EXPECT_LT(found.scatter, 1e-13);
+    EXPECT_TRUE(found.others.empty());
+  }
+}
+
 TEST(Identification, TooFewModesAreRefused) {
   Scene machine = shipped_scene("paper_beam");
   const Scene four = parse_scene(R"(

@@ -112,7 +112,9 @@ std::string verdict_of(const Identification& fit) {
     case FitProblem::bound_reached:
       return "no fit within the given ranges";
     case FitProblem::degenerate_orbit:
-      return "no unique fit: the orbit determines only combinations of the parameters";
+      return fit.combinations.empty()
+                 ? "no unique fit: other values explain the events as well"
+                 : "no unique fit: the orbit determines only combinations of the parameters";
     case FitProblem::wrong_model:
       return "no fit: the model is wrong";
     default:
@@ -179,9 +181,9 @@ std::string reason_of(const Identification& fit) {
              ". Either it is off by more, and a larger --within helps, or the model is wrong.";
     }
     case FitProblem::degenerate_orbit: {
-      std::string text = "Other values explain the events as well.";
+      std::string text;
       if (!fit.combinations.empty()) {
-        text += " Determined are:";
+        text += "Determined are:";
         for (const Combination& of : fit.combinations) {
           text += of.weights.size() > 0 ? " " : "";
           for (std::size_t i = 0; i < of.weights.size(); ++i) {
@@ -192,9 +194,9 @@ std::string reason_of(const Identification& fit) {
           text += " (sigma " + short_number(of.sigma, 2) + ");";
         }
         text.back() = ',';
-        text += " in relative changes.";
+        text += " in relative changes. ";
       }
-      return text + " Hold what is known with --known, or record a transient.";
+      return text + "Hold what is known with --known, or record a transient.";
     }
     case FitProblem::wrong_model:
       return of_wrong_model(fit) + of_record(fit);
