@@ -207,17 +207,17 @@ void observe(const Scene& scene, const Drawn& drawn, Observed& observed) {
                           confidence.parameters.sigmas);
 }
 
-class UncertainParameters : public ::testing::TestWithParam<double> {};
-INSTANTIATE_TEST_SUITE_P(Jitters, UncertainParameters, ::testing::Values(1e-5, 1e-4, 1e-3));
+using DrawScene = Scene (*)(Random&, Eigen::Index, double);
 
-TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
-  constexpr std::uint64_t seed = 20;
+// Holds the deviations of state and parameters against their errors on sixteen drawn machines.
+// `finite`: least share of the ticks with a deviation.
+void expect_calibrated(DrawScene draw_scene, std::uint64_t seed, double jitter, double finite) {
   std::cout << "seed " << seed << '\n';
   Random random(seed);
   Observed estimated, exact;
   for (int i = 0; i < 16; ++i) {
-    Scene scene = random_rattle(random, 1 + i % 2, 1e-3);
-    scene.prior.jitter = GetParam();
+    Scene scene = draw_scene(random, 1 + i % 2, 1e-3);
+    scene.prior.jitter = jitter;
     const Drawn drawn = draw(scene, random, 25.0);
     ASSERT_GT(drawn.events.size(), 30U);
     observe(scene, drawn, estimated);
@@ -232,38 +232,22 @@ TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
   EXPECT_GT(estimated.state.mean(), 0.25);
   EXPECT_LT(estimated.state.mean(), 1.6);
   EXPECT_LT(estimated.state.share_beyond(), 1e-3);
-  EXPECT_GT(estimated.state.count, estimated.state.samples * 95 / 100);
+  EXPECT_GT(static_cast<double>(estimated.state.count),
+            finite * static_cast<double>(estimated.state.samples));
   EXPECT_GT(estimated.parameters.mean(), 0.4);
   EXPECT_LT(estimated.parameters.mean(), 1.8);
   EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());
 }
 
+class UncertainParameters : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(Jitters, UncertainParameters, ::testing::Values(1e-5, 1e-4, 1e-3));
+
+TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
+  expect_calibrated(random_rattle, 20, GetParam(), 0.95);
+}
+
 TEST_P(UncertainParameters, SigmaMatchesErrorsUnderARecord) {
-  constexpr std::uint64_t seed = 29;
-  std::cout << "seed " << seed << '\n';
-  Random random(seed);
-  Observed estimated, exact;
-  for (int i = 0; i < 16; ++i) {
-    Scene scene = swept_rattle(random, 1 + i % 2, 1e-3);
-    scene.prior.jitter = GetParam();
-    const Drawn drawn = draw(scene, random, 25.0);
-    ASSERT_GT(drawn.events.size(), 30U);
-    observe(scene, drawn, estimated);
-    // Evidence that the trial can fail: parameters treated as exact.
-    scene.prior.parameters = {};
-    observe(scene, drawn, exact);
-  }
-  std::cout << "estimated: " << estimated.state.mean() << ", beyond 5 "
-            << estimated.state.share_beyond() << ", finite " << estimated.state.count << " of "
-            << estimated.state.samples << "; parameters " << estimated.parameters.mean()
-            << "; taken as exact: " << exact.state.mean() << '\n';
-  EXPECT_GT(estimated.state.mean(), 0.25);
-  EXPECT_LT(estimated.state.mean(), 1.6);
-  EXPECT_LT(estimated.state.share_beyond(), 1e-3);
-  EXPECT_GT(estimated.state.count, estimated.state.samples * 9 / 10);
-  EXPECT_GT(estimated.parameters.mean(), 0.4);
-  EXPECT_LT(estimated.parameters.mean(), 1.8);
-  EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());
+  expect_calibrated(swept_rattle, 29, GetParam(), 0.9);
 }
 
 TEST_P(UncertainParameters, SigmaMatchesErrorsWithConsideredParameters) {
