@@ -558,10 +558,7 @@ void MachineFamily::set_record(const Unknown& unknown, double value, Scene& scen
   const auto changed = std::make_shared<const SampledInput>(
       with_gain_and_delay(*present, unknown.kind == Kind::gain ? value : settings.gain,
                           unknown.kind == Kind::delay ? value : settings.delay));
-  for (const int j : record.forces) scene.model.forces[static_cast<std::size_t>(j)].input = changed;
-  for (const int i : record.contacts) {
-    scene.model.contacts[static_cast<std::size_t>(i)].input = changed;
-  }
+  replace_input(record, changed, scene.model);
   if (scene.frame && scene.frame->input == present) scene.frame->input = changed;
 }
 

@@ -21,11 +21,7 @@ Scene with_records(const Scene& scene, const ChangeRecord& change) {
   Scene changed = scene;
   for (const RecordedInput& record : recorded_inputs(scene)) {
     const SampledInputPointer input = change(record.input);
-    for (const int j : record.forces)
-      changed.model.forces[static_cast<std::size_t>(j)].input = input;
-    for (const int i : record.contacts) {
-      changed.model.contacts[static_cast<std::size_t>(i)].input = input;
-    }
+    replace_input(record, input, changed.model);
     if (changed.frame && changed.frame->input == record.input) changed.frame->input = input;
   }
   return changed;

@@ -167,8 +167,7 @@ void set_record(const Scene& scene, const Parameter& parameter, double value, Mo
   const bool is_gain = parameter.quantity == Quantity::gain;
   const auto changed = std::make_shared<const SampledInput>(with_gain_and_delay(
       *record.input, is_gain ? value : settings.gain, is_gain ? settings.delay : value));
-  for (const int j : record.forces) model.forces[static_cast<std::size_t>(j)].input = changed;
-  for (const int i : record.contacts) model.contacts[static_cast<std::size_t>(i)].input = changed;
+  replace_input(record, changed, model);
 }
 
 }  // namespace

@@ -242,6 +242,11 @@ std::vector<RecordedInput> recorded_inputs(const Scene& scene) {
   return records;
 }
 
+void replace_input(const RecordedInput& record, const SampledInputPointer& input, Model& model) {
+  for (const int j : record.forces) model.forces[static_cast<std::size_t>(j)].input = input;
+  for (const int i : record.contacts) model.contacts[static_cast<std::size_t>(i)].input = input;
+}
+
 double mean_frequency(const SampledInput& input) {
   const std::vector<double>& t = input.sample_times();
   const std::vector<double>& values = input.sample_values();

@@ -126,6 +126,9 @@ struct RecordedInput {
 /// The record of the shaken frame, and one for each other force with a record.
 std::vector<RecordedInput> recorded_inputs(const Scene& scene);
 
+/// Moves these forces and supports of a model by another input.
+void replace_input(const RecordedInput& record, const SampledInputPointer& input, Model& model);
+
 /// Root mean square of the rate of a record's samples over that of the samples, both without their
 /// means: the angular frequency of a sinusoid [rad/s].
 double mean_frequency(const SampledInput& input);
