@@ -60,6 +60,15 @@ Estimation::Estimation(const Scene& given, const ObserverOptions& options, std::
   set_end(options.duration);
 }
 
+void Estimation::restart(const ContactMessage& message) {
+  if (stream) stream->restart();
+  time_line.restart(message);
+}
+
+bool Estimation::receive(const ContactMessage& message) {
+  return (stream && stream->restarts_after(message)) || time_line.receive(message);
+}
+
 void Estimation::set_end(double t) {
   if (guarantee) guarantee->set_end(t, time_line);
 }

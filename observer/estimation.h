@@ -38,6 +38,12 @@ struct Estimation {
   void pass(const State& state);
   void note(const State& state, EstimateSample& sample) const;
 
+  /// Starts from the first message of a session.
+  void restart(const ContactMessage& message);
+  /// Takes a message that continues the session. True: the time line has restarted, since the
+  /// streamed input begins late or after a long gap.
+  bool receive(const ContactMessage& message);
+
   /// Sets the end of the run: no tick after t will be requested.
   void set_end(double t);
 

@@ -142,9 +142,8 @@ void RealTimeLoop::take(const ReceivedMessage& received) {
 // A new session begins.
 void RealTimeLoop::start(const ReceivedMessage& received) {
   const EventCounts events = time_line_.events().counts();
-  if (estimation_.stream) estimation_.stream->restart();
   last_input_ = received.arrival.monotonic;
-  time_line_.restart(received.message);
+  estimation_.restart(received.message);
   raise_skipped(time_line_.events(), events, notices_);
   inbox_.session.store(received.message.session, std::memory_order_relaxed);
   inbox_.follows.store(true, std::memory_order_release);

@@ -153,16 +153,14 @@ class Replay {
         raise_odd(sessions.oddity(), report, time_line_.events().horizon(), notices_);
         break;
       case SessionTracker::Verdict::starts:
-        if (estimation_.stream) estimation_.stream->restart();
-        time_line_.restart(report);
+        estimation_.restart(report);
         break;
       case SessionTracker::Verdict::resumes:
         notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), report.horizon);
         time_line_.resume(report);
         break;
       case SessionTracker::Verdict::continues:
-        if (estimation_.stream && estimation_.stream->restarts_after(report)) break;
-        time_line_.receive(report);
+        estimation_.receive(report);
         break;
     }
     raise_skipped(time_line_.events(), before, notices_);

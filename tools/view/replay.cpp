@@ -65,20 +65,17 @@ class OwnObserver {
         stage_(stage) {}
 
   void take(const ContactMessage& message, const Arrival& arrival) {
-    TimeLine<TrackingEstimator>& time_line = estimation_.time_line;
     switch (sessions_.receive(message, arrival)) {
       case SessionTracker::Verdict::ignored:
         return;
       case SessionTracker::Verdict::starts:
-        if (estimation_.stream) estimation_.stream->restart();
-        time_line.restart(message);
+        estimation_.restart(message);
         break;
       case SessionTracker::Verdict::resumes:
-        time_line.resume(message);
+        estimation_.time_line.resume(message);
         break;
       case SessionTracker::Verdict::continues:
-        if (estimation_.stream && estimation_.stream->restarts_after(message)) break;
-        time_line.receive(message);
+        estimation_.receive(message);
         break;
     }
     sample_.session = message.session;
