@@ -12,6 +12,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
+#include "lcmtypes/input_sender.h"
 
 namespace sprag {
 namespace {
@@ -21,6 +22,8 @@ using Clock = ContactSender::Clock;
 // If the watermark of a paced machine stays the same in more messages than this, observers conclude
 // that its run has ended.
 constexpr int most_repeats = 2;
+
+constexpr std::int64_t end_of_samples = std::int64_t{1} << 53;
 
 // Observers refuse finite speeds above this limit as damaged.
 double checked_speed(double speed) {
@@ -37,10 +40,7 @@ int checked_contacts(int contacts) {
 
 Bus open_bus(const PublisherSettings& settings) {
   Bus bus(settings.url, settings.key);
-  if (settings.copy) {
-    bus.copy_published([copy = settings.copy](std::string_view,
-                                              std::span<const std::uint8_t> data) { copy(data); });
-  }
+  if (settings.copy) bus.copy_published(settings.copy);
   return bus;
 }
 
@@ -87,6 +87,28 @@ class EventPublisher::Core {
     if (sender_.due()) send();
   }
 
+  void start_input(double t0, double dt) {
+    if (!std::isfinite(t0) || !(dt > 0.0) || !std::isfinite(dt)) {
+      throw std::invalid_argument("the input has t0 = " + std::to_string(t0) + " and dt = " +
+                                  std::to_string(dt) + "; must be finite, with dt > 0");
+    }
+    const std::lock_guard lock(mutex_);
+    if (input_sender_) throw std::invalid_argument("the input has begun before");
+    input_sender_.emplace(bus_, t0, dt, sender_.session());
+  }
+
+  bool take_sample(std::int64_t k, double value) {
+    if (k < 0 || k >= end_of_samples || !std::isfinite(value)) {
+      throw std::invalid_argument("sample " + std::to_string(k) + " is " + std::to_string(value) +
+                                  "; must be finite, with a number from 0 to 2^53 - 1");
+    }
+    const std::lock_guard lock(mutex_);
+    if (!input_sender_) throw std::invalid_argument("a sample comes before start_input()");
+    if (closed_ || k < input_sender_->total()) return false;
+    input_sender_->add(k, value);
+    return true;
+  }
+
   void close() noexcept {
     const std::lock_guard closing(closing_);
     beats_.request_stop();
@@ -95,6 +117,7 @@ class EventPublisher::Core {
     if (std::exchange(closed_, true) || horizon_ < 0.0) return;
     for (int i = 0; i < ContactSender::goodbyes; ++i) {
       if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
+      if (input_sender_) input_sender_->send();
       send();
     }
   }
@@ -102,11 +125,13 @@ class EventPublisher::Core {
   std::int64_t session() const { return sender_.session(); }
   std::int64_t sent() const {
     const std::lock_guard lock(mutex_);
-    return sender_.messages() - sender_.unsent();
+    const std::int64_t of_input =
+        input_sender_ ? input_sender_->messages() - input_sender_->unsent() : 0;
+    return sender_.messages() - sender_.unsent() + of_input;
   }
   std::int64_t unsent() const {
     const std::lock_guard lock(mutex_);
-    return sender_.unsent();
+    return sender_.unsent() + (input_sender_ ? input_sender_->unsent() : 0);
   }
 
  private:
@@ -117,6 +142,7 @@ class EventPublisher::Core {
     std::unique_lock lock(mutex_);
     while (!stop.stop_requested()) {
       const bool repeats = !paced_ || repeats_ < most_repeats;
+      if (input_sender_ && input_sender_->pending()) input_sender_->send();
       if (horizon_ >= 0.0 && sender_.due() && repeats) send();
       const auto soonest = Clock::now() + ContactSender::heartbeat / 2;
       wake_.wait_until(lock, stop, std::max(sender_.next(), soonest), [] { return false; });
@@ -136,10 +162,11 @@ class EventPublisher::Core {
   std::condition_variable_any wake_;
   Bus bus_;
   ContactSender sender_;
-  std::vector<ContactEvent> waiting_;  // later than the watermark, in order
-  double horizon_ = -1.0;              // watermark; -1: none yet
-  double said_ = -1.0;                 // watermark of the last message
-  int repeats_ = 0;                    // number of messages that repeated it
+  std::optional<InputSender> input_sender_;  // after start_input()
+  std::vector<ContactEvent> waiting_;        // later than the watermark, in order
+  double horizon_ = -1.0;                    // watermark; -1: none yet
+  double said_ = -1.0;                       // watermark of the last message
+  int repeats_ = 0;                          // number of messages that repeated it
   bool closed_ = false;
   std::jthread beats_;  // last member: it uses all others
 };
@@ -152,6 +179,10 @@ EventPublisher::~EventPublisher() = default;
 
 bool EventPublisher::take(const ContactEvent& event) { return core_->take(event); }
 void EventPublisher::set_horizon(double t) { core_->set_horizon(t); }
+void EventPublisher::start_input(double t0, double dt) { core_->start_input(t0, dt); }
+bool EventPublisher::take_sample(std::int64_t k, double value) {
+  return core_->take_sample(k, value);
+}
 void EventPublisher::close() noexcept { core_->close(); }
 std::int64_t EventPublisher::session() const { return core_->session(); }
 std::int64_t EventPublisher::sent() const { return core_->sent(); }

@@ -15,6 +15,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
@@ -26,9 +27,10 @@ struct PublisherSettings {
   std::string url = default_url;
   std::optional<Key> key = std::nullopt;
   double speed = 1.0;  ///< simulated s per wall s, > 0; +infinity: unpaced
-  /// Receives every message as it is sent on SPRAG_CONTACTS, for a recording. Called in several
-  /// threads, but not at the same time; must not throw.
-  std::function<void(std::span<const std::uint8_t> message)> copy = nullptr;
+  /// Receives every message as it is sent, for a recording. Called in several threads, but not at
+  /// the same time; must not throw.
+  std::function<void(std::string_view channel, std::span<const std::uint8_t> message)> copy =
+      nullptr;
 };
 
 class EventPublisher {
@@ -53,11 +55,22 @@ class EventPublisher {
   /// >= 0.
   void set_horizon(double t);
 
-  /// Repeats the last message for 0.2 s, since no later one would repair its loss.
+  /// Begins the samples of the excitation, for observers of a scene with a streamed excitation:
+  /// sample k has the time t0 + k dt. To be called once at most. Throws std::invalid_argument for a
+  /// second call, t0 that is not finite, or dt that is not a finite number > 0.
+  void start_input(double t0, double dt);
+
+  /// Takes sample k of the excitation, and sends it within about 10 ms. Numbers that are left out
+  /// are samples that do not exist: observers interpolate them and report it. Returns false if k is
+  /// not greater than all before or the publisher is closed. Throws std::invalid_argument before
+  /// start_input(), for k that is not from 0 to 2^53 - 1, or a value that is not finite.
+  bool take_sample(std::int64_t k, double value);
+
+  /// Repeats the last messages for 0.2 s, since no later ones would repair their loss.
   void close() noexcept;
 
   std::int64_t session() const;  ///< random
-  std::int64_t sent() const;     ///< messages
+  std::int64_t sent() const;     ///< messages of both channels
   std::int64_t unsent() const;   ///< messages that could not be sent
 
  private:

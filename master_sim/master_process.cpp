@@ -14,9 +14,9 @@
 #include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
-#include "lcmtypes/input_sender.h"
 #include "lcmtypes/state_codec.h"
 #include "lcmtypes/wall_clock.h"
+#include "master_sim/record_sender.h"
 #include "sprag/detail/files/confidence_columns.h"
 #include "sprag/events_file.h"
 #include "sprag/master.h"
@@ -64,7 +64,7 @@ class MasterProcess {
                       scene.clock.rate * options.speed);
       sample_.session = sender_->session();
       if (options.publish_input) {
-        input_sender_.emplace(*bus_, record_of(scene), sender_->session());
+        record_sender_.emplace(*bus_, record_of(scene), sender_->session());
       }
     }
     if (!options.events.empty()) {
@@ -105,8 +105,8 @@ class MasterProcess {
     report["session"] = sample_.session;
     report["messages"] = sender_ ? sender_->messages() : 0;
     report["unsent"] = (sender_ ? sender_->unsent() : 0) + unsent_states_ +
-                       (input_sender_ ? input_sender_->unsent() : 0);
-    if (input_sender_) report["input_messages"] = input_sender_->messages();
+                       (record_sender_ ? record_sender_->unsent() : 0);
+    if (record_sender_) report["input_messages"] = record_sender_->messages();
     report["wall_s"] = std::chrono::duration<double>(Clock::now() - start_).count();
     const bool events_good = !events_file_ || events_file_->close();
     const bool states_good = !states_file_ || states_file_->close();
@@ -125,7 +125,7 @@ class MasterProcess {
       advance(t);
       if (sender_ && sender_->due()) {
         send();
-        if (input_sender_) input_sender_->send(reached_);
+        if (record_sender_) record_sender_->send(reached_);
       }
       if (t >= options_.duration) break;
       if (Clock::now() >= next_progress) {
@@ -138,7 +138,7 @@ class MasterProcess {
 
   double due() const {
     if (std::isinf(options_.speed)) {
-      return reached_ + (input_sender_ ? std::min(stride_, input_sender_->stride()) : stride_);
+      return reached_ + (record_sender_ ? std::min(stride_, record_sender_->stride()) : stride_);
     }
     return options_.speed * std::chrono::duration<double>(Clock::now() - start_).count();
   }
@@ -230,7 +230,7 @@ class MasterProcess {
       if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
       send();
       // The sample after the end completes the last interval.
-      if (input_sender_) input_sender_->send(reached_, 1);
+      if (record_sender_) record_sender_->send(reached_, 1);
       if (options_.truth && next_tick_ > 0)
         (void)bus_->publish(truth_channel, encode(sample_, buffer_));
     }
@@ -255,8 +255,8 @@ class MasterProcess {
   std::int64_t last_tick_;
   bool wants_states_;
   std::optional<Bus> bus_;
-  std::optional<ContactSender> sender_;      // on the bus
-  std::optional<InputSender> input_sender_;  // with options_.publish_input
+  std::optional<ContactSender> sender_;        // on the bus
+  std::optional<RecordSender> record_sender_;  // with options_.publish_input
   std::optional<EventsWriter> events_file_;
   std::optional<StatesWriter> states_file_;
   bool reported_events_ = false, reported_states_ = false;

@@ -117,7 +117,6 @@ SampledInput SampledInput::streamed(const SampledInput& record, std::size_t most
   input.settings_.interpolation = Interpolation::linear;
   input.settings_.outside = Outside::hold;
   input.samples_ = record.samples_;
-  input.spacing_ = spacing;
   input.even_ = true;
   input.largest_ = record.largest_;
   input.rms_ = record.rms_;
@@ -125,11 +124,12 @@ SampledInput SampledInput::streamed(const SampledInput& record, std::size_t most
   input.most_ = most;
   input.knots_.reserve(most);
   input.pieces_.reserve(most);
-  input.clear();
+  input.clear(spacing);
   return input;
 }
 
-void SampledInput::clear() {
+void SampledInput::clear(double spacing) {
+  spacing_ = spacing;
   first_ = 0.0;
   knots_.assign(1, 0.0);
   pieces_.assign(1, {});

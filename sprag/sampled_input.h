@@ -70,8 +70,8 @@ class SampledInput {
   /// \brief An input whose samples come one after the other. It is linear between them, held after
   /// the last one, and 0 while there is none.
   ///
-  /// Interval, gain, delay and noise are those of a record of the same sensor, and so are rms() and
-  /// largest(): they do not follow the samples.
+  /// Gain, delay and noise are those of a record of the same sensor, and so are rms() and
+  /// largest(): they do not follow the samples. The interval is that of the record up to clear().
   /// \param record a record of the sensor, with even samples of an acceleration or a force.
   /// \param most number of samples for which it reserves memory, >= 2.
   /// \return the input.
@@ -80,8 +80,12 @@ class SampledInput {
   /// \brief Whether samples come one after the other.
   /// \return true after streamed().
   bool is_streamed() const { return most_ > 0; }
+  /// \brief Intervals of streamed samples and of the record differ by at most this share: the
+  /// clock of the sensor may be fast or slow.
+  static constexpr double largest_rate_error = 0.01;
   /// \brief Forgets all samples. Only for a streamed input; does not allocate.
-  void clear();
+  /// \param spacing interval of the samples that follow, > 0 [s].
+  void clear(double spacing);
   /// \brief Adds a sample; the first one is at time t, each other one spacing() after the last.
   /// Only for a streamed input; does not allocate.
   /// \param t time of the first sample without Settings::delay [s].

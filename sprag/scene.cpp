@@ -20,7 +20,8 @@ Scene with_stream(const Scene& scene, std::shared_ptr<SampledInput>& input) {
   for (Force& force : streamed.model.forces) {
     if (!force.input) continue;
     if (!input) {
-      const double samples = std::ceil(scene.stream_duration / force.input->spacing());
+      const double samples = std::ceil((1.0 + SampledInput::largest_rate_error) *
+                                       scene.stream_duration / force.input->spacing());
       input = std::make_shared<SampledInput>(
           SampledInput::streamed(*force.input, static_cast<std::size_t>(samples) + 2));
     }

@@ -107,6 +107,9 @@ struct Scene {
   /// \brief Longest run in which an observer receives the excitation's samples while it runs,
   /// instead of reading its record [s]; 0: it reads the record.
   double stream_duration = 0.0;
+  /// \brief One unit of the sensor's raw values in the unit of the excitation, by the key `unit`;
+  /// 1 without a streamed excitation. Samples of a message are in the unit of the excitation.
+  double stream_unit = 1.0;
   Prior prior;                       ///< knowledge of the observer
   Truth truth;                       ///< start of the master
   std::vector<std::string> remarks;  ///< remarks of the reader for people, one line each

@@ -679,6 +679,8 @@ Scene scene_of(TomlDocument& document, const std::string& file) {
   read_tolerance(root, scene);
   if (const auto excitation = root.open_table("excitation")) {
     scene.stream_duration = read_stream(*excitation, scene);
+    if (scene.stream_duration > 0.0)
+      scene.stream_unit = excitation->number_or("unit", 1.0, any_number);
   }
   read_adaptation(root, scene);
   scene.prior.parameters = read_parameters(root, scene);

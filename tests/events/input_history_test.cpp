@@ -92,12 +92,33 @@ TEST(InputHistory, RefusesAnotherIntervalAndEndsWhenFull) {
   EXPECT_EQ(history.counts().refused, 1);
   EXPECT_FALSE(history.started());
   EXPECT_TRUE(history.take(message_of(15, 15)).any);
+  other = message_of(16, 5);
+  other.dt *= 1.0 + 1e-9;
+  EXPECT_FALSE(history.take(other).any);
+  EXPECT_EQ(history.counts().refused, 2);
   EXPECT_TRUE(history.take(message_of(40, 40)).any);
   EXPECT_EQ(input.appended(), 20U);
   EXPECT_GT(history.counts().no_room, 0);
   history.restart();
   EXPECT_FALSE(history.started());
   EXPECT_EQ(input.value(0.05), 0.0);
+}
+
+// The clock of the sensor is 200 ppm slow against that of the record.
+TEST(InputHistory, TakesTheIntervalOfTheSession) {
+  constexpr double rate = 1.0002;
+  SampledInput input = SampledInput::streamed(record_of(10), 5000);
+  InputHistory history(input);
+  for (std::int64_t total = 50; total <= 4000; total += 50) {
+    InputMessage message = message_of(total, 50);
+    message.dt = rate * dt;
+    EXPECT_TRUE(history.take(message).any);
+  }
+  EXPECT_EQ(input.spacing(), rate * dt);
+  EXPECT_NEAR(input.last(), 3999 * rate * dt - 0.004, 1e-12);
+  EXPECT_NEAR(input.value(3900.5 * rate * dt - 0.004), sample(3900) + sample(3901), 1e-9);
+  history.restart();
+  EXPECT_EQ(input.spacing(), dt);
 }
 
 }  // namespace

@@ -97,10 +97,12 @@ TEST(EventPublisher, CopiesEveryMessageAsSent) {
                        const auto sent = receiver.as_sent(data);
                        received.emplace_back(sent.begin(), sent.end());
                      });
-  EventPublisher publisher(
-      1, {.url = url, .key = key, .copy = [&](std::span<const std::uint8_t> message) {
-            copied.emplace_back(message.begin(), message.end());
-          }});
+  EventPublisher publisher(1,
+                           {.url = url,
+                            .key = key,
+                            .copy = [&](std::string_view, std::span<const std::uint8_t> message) {
+                              copied.emplace_back(message.begin(), message.end());
+                            }});
   publisher.take({0.5, 0, pulse});
   publisher.set_horizon(1.0);
   publisher.close();

@@ -21,6 +21,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/input_codec.h"
 #include "tests/support/program_test.h"
 #include "tests/support/random.h"
 #include "tests/support/udp_url.h"
@@ -457,6 +458,144 @@ TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit)
   EXPECT_GT(report()["contacts"][0]["pulses"], 20);
 }
 
+/// The swept beam with a streamed excitation.
+std::string streamed_scene() {
+  std::string text = read_text(SPRAG_SOURCE_DIR "/scenes/swept_beam.toml");
+  const auto replace = [&](const std::string& what, const std::string& by) {
+    const std::size_t at = text.find(what);
+    ASSERT_NE(at, std::string::npos) << what;
+    text.replace(at, what.size(), by);
+  };
+  replace("\"records/swept_base.csv\"", "\"" SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv\"");
+  replace("interpolation = \"spline\"",
+          "interpolation = \"linear\"\noutside = \"hold\"\nstream = true");
+  return text;
+}
+
+/// Rows of a data logger: time, level, acceleration. The times of samples are those of the record;
+/// a row without an acceleration is an edge. A pulse of `events` opens again after 10 us, or
+/// before the next event.
+std::vector<std::pair<double, std::string>> logger_rows(const std::string& events,
+                                                        const std::string& record) {
+  struct Change {
+    double t;
+    std::string level, sample;
+  };
+  std::vector<Change> changes;
+  std::istringstream lines(events), samples(record);
+  std::string line;
+  std::getline(lines, line);
+  while (std::getline(lines, line)) {
+    const double t = std::stod(line);
+    const std::string level = line.substr(line.rfind(',') + 1);
+    changes.push_back({t, level, ""});
+  }
+  for (std::size_t i = 1; i < changes.size(); ++i) {
+    if (changes[i].level != "0" || changes[i].t != changes[i - 1].t) continue;
+    const double next = i + 1 < changes.size() ? changes[i + 1].t : changes[i].t + 1.0;
+    changes[i].t += std::min(1e-5, 0.5 * (next - changes[i].t));
+  }
+  std::getline(samples, line);
+  while (std::getline(samples, line))
+    changes.push_back({std::stod(line), "", line.substr(line.find(',') + 1)});
+  std::ranges::stable_sort(changes, {}, &Change::t);
+  std::vector<std::pair<double, std::string>> rows;
+  std::string level = "0";
+  for (const Change& change : changes) {
+    if (!change.level.empty()) level = change.level;
+    char t[32];
+    std::snprintf(t, sizeof t, "%.15f", change.t);
+    rows.emplace_back(change.t, std::string(t) + "," + level + "," + change.sample + "\n");
+  }
+  return rows;
+}
+
+// The excitation of the machine is known from the rows only, not from the record.
+TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachine) {
+  write_text(path("streamed.toml"), streamed_scene());
+  scene_ = path("streamed.toml");
+  const Ended simulated =
+      run(MASTER_SIM, {scene_, "--duration", "6", "--speed", "max", "--no-lcm", "--tick", "0.005",
+                       "--events", path("machine.csv"), "--states", path("true.csv")});
+  ASSERT_EQ(simulated.code, 0) << simulated.err;
+  const auto rows = logger_rows(read_text(directory_ / "machine.csv"),
+                                read_text(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv"));
+  const Arguments common{"--duration", "5.9", "--tick", "0.005", "--states"};
+  Arguments live{OBSERVER, scene_, "--url", url_};
+  live.insert(live.end(), common.begin(), common.end());
+  live.push_back(path("live.csv"));
+  Process& observer = start(live);
+  wait_for(observer, "waiting for a master");
+  Wire wire;
+  Process& process =
+      start_at_pipe({"--speed", "4", "--latency", "60", "--columns", "time,hit,ax", "--level",
+                     "1=hit", "--input", "ax", "--pulse-shorter-than", "2e-5"},
+                    wire);
+  const auto began = std::chrono::steady_clock::now();
+  for (const auto& [t, row] : rows) {
+    std::this_thread::sleep_until(began + std::chrono::duration<double>(t / 4.0));
+    wire.send(row);
+  }
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
+  Arguments replay{OBSERVER, scene_, "--replay", path("run.lcmlog")};
+  replay.insert(replay.end(), common.begin(), common.end());
+  replay.push_back(path("replay.csv"));
+  Process& offline = start(replay);
+  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
+  const std::string states = read_text(directory_ / "live.csv");
+  EXPECT_EQ(std::ranges::count(states, '\n'), 1182);
+  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
+  const std::vector<double> estimated = first_coordinates(states);
+  const std::vector<double> truth = first_coordinates(read_text(directory_ / "true.csv"));
+  ASSERT_GE(truth.size(), estimated.size());
+  for (std::size_t k = 3 * estimated.size() / 4; k < estimated.size(); ++k)
+    EXPECT_NEAR(estimated[k], truth[k], 1e-6) << "tick " << k;
+  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
+  EXPECT_EQ(report()["input"]["samples"], 3001);
+  EXPECT_EQ(report()["input"]["missing_samples"], 0);
+  EXPECT_EQ(report()["unsent"], 0);
+}
+
+TEST_F(ListenProgramTest, ARestartBeginsANewSessionOfContactsAndInput) {
+  write_text(path("streamed.toml"), streamed_scene());
+  scene_ = path("streamed.toml");
+  Wire wire;
+  Process& process = start_at_pipe({"--speed", "max", "--level", "1=hit", "--input", "ax"}, wire);
+  wire.send("time,hit,ax\n5,0,1\n5.002,1,2\n5.004,0,3\n1,0,4\n1.002,0,5\n1.004,1,6\n");
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  std::vector<std::int64_t> of_contacts, of_input, totals;
+  std::vector<double> begins;
+  ChannelLogReader reader(directory_ / "run.lcmlog");
+  ChannelRecord record;
+  ContactMessage contacts;
+  InputMessage input;
+  const auto add = [](std::vector<std::int64_t>& sessions, std::int64_t session) {
+    if (std::ranges::count(sessions, session) > 0) return false;
+    sessions.push_back(session);
+    return true;
+  };
+  while (reader.next(record)) {
+    if (record.channel == contacts_channel) {
+      EXPECT_EQ(decode(record.data, contacts), Refusal::none);
+      add(of_contacts, contacts.session);
+    } else {
+      ASSERT_EQ(record.channel, input_channel);
+      EXPECT_EQ(decode(record.data, input), Refusal::none);
+      if (add(of_input, input.session)) begins.push_back(input.t0);
+      EXPECT_NEAR(input.sample(0), input.t0 == 5.0 ? 9.80665 : 4 * 9.80665, 1e-12);
+    }
+  }
+  EXPECT_EQ(of_contacts.size(), 2U);
+  std::ranges::sort(of_contacts);
+  std::ranges::sort(of_input);
+  std::ranges::sort(begins);
+  EXPECT_EQ(of_contacts, of_input);
+  EXPECT_EQ(begins, (std::vector<double>{1.0, 5.0}));
+}
+
 TEST_F(ListenProgramTest, ASignalEndsItWhereverItWaits) {
   Wire wire;
   Process& at_pipe = start_at_pipe({}, wire);
@@ -490,6 +629,18 @@ TEST_F(ListenProgramTest, BadUsageIsRefusedWithExitCode2) {
   refused({"--stamp", "arrival", "--speed", "max"}, "--speed");
   refused({"--impacts-at", "rising", "--pulse-shorter-than", "1"}, "--pulse-shorter-than");
   refused({"--record", path("x.csv")}, ".lcmlog");
+  refused({"--input", "ax"}, "must have a streamed excitation");
+  write_text(path("streamed.toml"), streamed_scene());
+  const auto refused_stream = [&](const Arguments& arguments, const std::string& why) {
+    Arguments all{path("streamed.toml"), "--url", url_, "--input", "ax"};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Ended ended = run(LISTEN, all);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_NE(ended.err.find(why), std::string::npos) << ended.err;
+  };
+  refused_stream({"--columns", "time,hit", "--level", "1=hit"}, "no column 'ax' (--input)");
+  refused_stream({"--stamp", "arrival"}, "--input and --stamp arrival");
+  refused_stream({"--gpio", "/dev/gpiochip0:1"}, "--input and --gpio");
   write_text(path("clock.toml"), read_text(scene_) + "\n[clock]\nrate = 1.0002\n");
   const Ended twice = run(LISTEN, {path("clock.toml"), "--url", url_, "--rate", "1.0002"});
   EXPECT_EQ(twice.code, 2) << twice.err;

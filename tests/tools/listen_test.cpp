@@ -33,6 +33,10 @@ class Kept : public IntakeSink {
     }
     watermark_ = watermark;
   }
+  void start_input(double t0, double dt) override { inputs.push_back({t0, dt, {}}); }
+  void sample(std::int64_t k, double value) override {
+    inputs.back().samples.push_back({k, value});
+  }
   void new_session() override {
     sessions.emplace_back();
     watermark_ = -1.0;
@@ -42,7 +46,13 @@ class Kept : public IntakeSink {
   }
   void notice(const std::string& text) override { notices.push_back(text); }
 
+  struct Input {
+    double t0, dt;
+    std::vector<std::pair<std::int64_t, double>> samples;
+  };
+
   std::vector<std::vector<ContactEvent>> sessions{{}};
+  std::vector<Input> inputs;  // one for each session with samples
   Texts problems, notices;
   double watermark() const { return watermark_; }
 
@@ -328,6 +338,97 @@ IntakeOptions plain(double speed = unpaced) {
   IntakeOptions options;
   options.clock.speed = speed;
   return options;
+}
+
+/// Rows of time, level and acceleration, every 2 ms, in units of 10 m/s^2.
+IntakeOptions with_input() {
+  IntakeOptions options = plain();
+  options.lines.levels = {{ColumnRole::level, "1=hit"}};
+  options.lines.input = "ax";
+  options.input.dt = 2e-3;
+  options.input.unit = 10.0;
+  return options;
+}
+
+using Samples = std::vector<std::pair<std::int64_t, double>>;
+
+TEST(ListenInputTest, RowsWithANumberAreSamplesAndTheOthersEdges) {
+  Kept kept;
+  Intake intake(with_input(), kept);
+  intake.take("Time [ms],hit,ax\n5,0,1\n7,0,-2.5\n8.3,1,\n9,1,3\n9.3,0, \n11,0,4e-1\n", 0.0);
+  intake.finish();
+  ASSERT_EQ(kept.inputs.size(), 1U);
+  EXPECT_EQ(kept.inputs[0].t0, 5e-3);
+  EXPECT_EQ(kept.inputs[0].dt, 2e-3);
+  EXPECT_EQ(kept.inputs[0].samples, (Samples{{0, 10.0}, {1, -25.0}, {2, 30.0}, {3, 4.0}}));
+  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{8.3e-3, 0, closes}, {9.3e-3, 0, opens}}));
+  EXPECT_TRUE(kept.problems.empty()) << kept.problems[0];
+  EXPECT_EQ(intake.counts().samples, 4);
+  EXPECT_EQ(intake.counts().missing_samples, 0);
+}
+
+TEST(ListenInputTest, SamplesThatAreNotInTheirPlaceAreNamedAndMissingOnesCounted) {
+  Kept kept;
+  Intake intake(with_input(), kept);
+  intake.take(
+      "Time [ms],hit,ax\n"
+      "0,0,0\n2.19,0,1\n4.3,0,2\n6,0,x\n6,0,3\n6.1,1,4\n14,1,7\n",
+      0.0);
+  intake.finish();
+  ASSERT_EQ(kept.inputs.size(), 1U);
+  EXPECT_EQ(kept.inputs[0].samples, (Samples{{0, 0.0}, {1, 10.0}, {3, 30.0}, {7, 70.0}}));
+  ASSERT_EQ(kept.problems.size(), 3U);
+  EXPECT_EQ(kept.problems[0].substr(0, 41), "4: 4.3,0,2: the sample is 0.15 of an inte");
+  EXPECT_EQ(kept.problems[1], "5: 6,0,x: the sample of 'ax' is not a number");
+  EXPECT_EQ(kept.problems[2], "7: 6.1,1,4: there is a sample of this time or a later one already");
+  EXPECT_EQ(intake.counts().bad_samples, 2);
+  EXPECT_EQ(intake.counts().missing_samples, 4);
+  ASSERT_EQ(kept.notices.size(), 1U);
+  EXPECT_NE(kept.notices[0].find("missing before line 6 (1 of them)"), std::string::npos)
+      << kept.notices[0];
+  // The level of a line whose sample is refused is used.
+  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{6.1e-3, 0, closes}}));
+}
+
+// The clock of the lines is 1 % fast and reads 0.5 s at t = 0.
+TEST(ListenInputTest, SamplesAreOnTheTimeOfTheMachine) {
+  IntakeOptions options = with_input();
+  options.input.clock = {0.5, 1.01};
+  options.input.dt = 2e-3 / 1.01;
+  Kept kept;
+  Intake intake(options, kept);
+  std::string rows = "time,hit,ax\n";
+  for (int k = 0; k < 1000; ++k) rows += text_of(0.5 + 2e-3 * k) + ",0,1\n";
+  intake.take(rows, 0.0);
+  ASSERT_EQ(kept.inputs.size(), 1U);
+  EXPECT_NEAR(kept.inputs[0].t0, 0.0, 1e-9);
+  EXPECT_EQ(kept.inputs[0].samples.size(), 1000U);
+  EXPECT_EQ(intake.counts().bad_samples, 0);
+}
+
+TEST(ListenInputTest, ARestartBeginsTheSamplesAnew) {
+  Kept kept;
+  Intake intake(with_input(), kept);
+  intake.take("time,hit,ax\n5,0,1\n5.002,0,2\n1,0,3\n1.002,0,4\n1.004,0,5\n", 0.0);
+  ASSERT_EQ(kept.sessions.size(), 2U);
+  ASSERT_EQ(kept.inputs.size(), 2U);
+  EXPECT_EQ(kept.inputs[0].samples, (Samples{{0, 10.0}, {1, 20.0}}));
+  EXPECT_EQ(kept.inputs[1].t0, 1.0);
+  EXPECT_EQ(kept.inputs[1].samples, (Samples{{0, 30.0}, {1, 40.0}, {2, 50.0}}));
+}
+
+TEST(ListenInputTest, ColumnsWithoutTheInputAreRefused) {
+  IntakeOptions options = with_input();
+  options.lines.names = {"time", "hit"};
+  Kept kept;
+  EXPECT_THROW((Intake{options, kept}), UsageError);
+  options.lines.names = {"time", "hit", "ax", "ax"};
+  EXPECT_THROW((Intake{options, kept}), UsageError);
+  options.lines.names.clear();
+  Intake intake(options, kept);
+  intake.take("time,hit\n1,0\n", 0.0);
+  ASSERT_EQ(kept.problems.size(), 2U);
+  EXPECT_NE(kept.problems[0].find("there is no column 'ax' (--input)"), std::string::npos);
 }
 
 // Its count would also fit a wrap, which would be half an hour in the future.

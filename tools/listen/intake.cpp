@@ -38,6 +38,7 @@ Intake::Intake(const IntakeOptions& options, IntakeSink& sink)
       parser_(options_.lines),
       clock_(options_.clock),
       stream_(options_.lines.contacts, options_.rules),
+      grid_(options_.input.dt),
       levels_(static_cast<std::size_t>(options_.lines.contacts), new_level()),
       earlier_(static_cast<std::size_t>(options_.lines.contacts)) {}
 
@@ -195,6 +196,7 @@ void Intake::use(const Held& held) {
     check_rate(held.reading.t, held.arrival);
   }
   take_levels(held.line.levels, held.reading.t, held.number, held.text);
+  if (held.line.sample) take_sample(*held.line.sample, held.reading.t, held.number, held.text);
   latest_ = std::max(latest_.value_or(held.reading.t), held.reading.t);
 }
 
@@ -230,6 +232,24 @@ bool Intake::take_levels(const std::vector<ContactLevel>& levels, double t, std:
   return repeats;
 }
 
+void Intake::take_sample(double value, double t, std::int64_t number, std::string_view text) {
+  const bool first = !grid_.t0();
+  const InputGrid::Place place = grid_.take(machine_time(options_.input.clock, t));
+  if (!place.problem.empty()) {
+    ++counts_.bad_samples;
+    return refuse(number, text, place.problem);
+  }
+  if (first) sink_.start_input(*grid_.t0(), grid_.dt());
+  if (place.missing > 0 && !std::exchange(said_missing_, true)) {
+    sink_.notice("samples of the input are missing before line " + std::to_string(number) + " (" +
+                 std::to_string(place.missing) +
+                 " of them): observers interpolate them linearly; later ones are counted");
+  }
+  counts_.missing_samples += place.missing;
+  ++counts_.samples;
+  sink_.sample(place.k, options_.input.unit * value);
+}
+
 void Intake::begin_session() {
   if (any_session_) {
     flush();
@@ -240,6 +260,8 @@ void Intake::begin_session() {
     levels_.assign(levels_.size(), new_level());
     scatter_.restart();
     first_.reset();
+    grid_.restart();
+    said_missing_ = false;
     sink_.new_session();
   }
   any_session_ = connected_ = true;

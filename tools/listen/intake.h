@@ -9,17 +9,27 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/contact_clock.h"
 #include "sprag/detail/import/contact_stream.h"
 #include "sprag/detail/import/level_edges.h"
 #include "tools/listen/arrival_scatter.h"
 #include "tools/listen/device_clock.h"
+#include "tools/listen/input_grid.h"
 #include "tools/listen/line_parser.h"
 #include "tools/listen/line_splitter.h"
 
 namespace sprag {
 
+/// How samples of the column LineOptions::input become those of the machine's excitation.
+struct InputColumn {
+  double dt = 0.0;     ///< interval between samples, on the machine's time [s]
+  double unit = 1.0;   ///< one unit of the column in the unit of the excitation
+  ContactClock clock;  ///< of the lines' times; samples are on the machine's time
+};
+
 struct IntakeOptions {
   LineOptions lines;
+  InputColumn input;            ///< if lines.input is not empty
   bool inverted = false;        ///< contacts are closed while their level is low
   Edge impacts = Edge::closed;  ///< edges of levels that are impacts
   DeviceClockOptions clock;     ///< of lines with a time
@@ -41,6 +51,10 @@ class IntakeSink {
   virtual ~IntakeSink() = default;
   /// New events, in order of time, and the watermark: every event up to it has been given.
   virtual void events(std::span<const ContactEvent> events, double watermark) = 0;
+  /// Samples of the input begin, in this session: sample k has the machine's time t0 + k dt [s].
+  virtual void start_input(double t0, double dt) = 0;
+  /// Sample k, later than all before. Numbers that are left out are samples that are missing.
+  virtual void sample(std::int64_t k, double value) = 0;
   /// The device was restarted or connected again. Its time begins anew.
   virtual void new_session() = 0;
   virtual void problem(const LineProblem& problem) = 0;
@@ -56,6 +70,9 @@ struct IntakeCounts {
   std::int64_t sessions = 0;
   std::int64_t wraps = 0;  ///< of the counter
   std::int64_t stalls = 0;
+  std::int64_t samples = 0;          ///< of the input
+  std::int64_t bad_samples = 0;      ///< with a time that is not in its place
+  std::int64_t missing_samples = 0;  ///< between samples
 };
 
 class Intake {
@@ -110,6 +127,7 @@ class Intake {
   /// Returns whether all levels are repetitions.
   bool take_levels(const std::vector<ContactLevel>& levels, double t, std::int64_t number,
                    std::string_view text);
+  void take_sample(double value, double t, std::int64_t number, std::string_view text);
   void begin_session();
   void restart_clock(double from, double to);
   void check_rate(double t, double arrival);
@@ -124,6 +142,7 @@ class Intake {
   DeviceClock clock_;
   ArrivalScatter scatter_;
   ContactStream stream_;
+  InputGrid grid_;
   std::vector<LevelEdges> levels_;
   std::vector<EdgeCounts> earlier_;  // of the sessions before, by contact
   std::vector<Held> held_;
@@ -136,7 +155,8 @@ class Intake {
   bool connected_ = true;      // false: the next line is of another connection
   bool header_again_ = false;  // a header came after lines
   bool stalled_ = false;
-  bool said_rate_ = false;  // the rate of the device's clock has been checked
+  bool said_missing_ = false;  // samples of this session are missing
+  bool said_rate_ = false;     // the rate of the device's clock has been checked
 };
 
 }  // namespace sprag

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
@@ -54,6 +55,7 @@ LineParser::LineParser(const LineOptions& options) : options_(options) {
       found.push_back(option.text.substr(option.text.find('=') + 1));
     }
     if (!options_.time.empty()) found[0] = options_.time;
+    if (!options_.input.empty()) found.push_back(options_.input);
     const std::string what = assign(found);
     names_.clear();
     if (!what.empty()) throw UsageError("--level: " + what);
@@ -88,7 +90,7 @@ bool LineParser::is_header() const {
     if (parse_clock_time(field, DecimalMark::point_or_comma)) return false;
     const std::string name = lower(field);
     known = known || name == "contact" || name == "level" || names_time(name) ||
-            (!field.empty() && field == options_.time) ||
+            (!field.empty() && (field == options_.time || field == options_.input)) ||
             std::ranges::any_of(options_.levels, [&](const ColumnOption& option) {
               return field == option.text.substr(option.text.find('=') + 1);
             });
@@ -142,6 +144,12 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
       return e.what();
     }
   }
+  if (!options_.input.empty()) {
+    if (!only([&](const std::string& name) { return name == options_.input; }, roles.input))
+      return "there is more than one column '" + options_.input + "' (--input)";
+    if (!roles.input) return "there is no column '" + options_.input + "' (--input)";
+    if (roles.input == roles.time) return "the column of times has no samples (--input)";
+  }
   names_ = names;
   roles_ = std::move(roles);
   return {};
@@ -157,6 +165,15 @@ std::string LineParser::read_level(std::string_view text, int contact, ParsedLin
   }
   result.levels.push_back({contact, level});
   return {};
+}
+
+std::string LineParser::read_sample(std::string_view text, ParsedLine& result) const {
+  if (text.find_first_not_of(field_blanks) == std::string_view::npos) return {};
+  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
+  const auto number = parse_decimal(text, mark);
+  if (!number) return "the sample of '" + options_.input + "' is not a number";
+  result.sample = difference_in(*number, {}, {1, 0});
+  return std::isfinite(*result.sample) ? "" : "the sample of '" + options_.input + "' is too large";
 }
 
 ParsedLine LineParser::parse(std::string_view line) {
@@ -207,6 +224,7 @@ ParsedLine LineParser::parse(std::string_view line) {
   for (const auto& [column, of_contact] : roles_.levels) {
     if (why.empty()) why = read_level(fields_[column], of_contact, result);
   }
+  if (roles_.input && why.empty()) why = read_sample(fields_[*roles_.input], result);
   if (!why.empty()) return refuse(std::move(why));
   result.kind = Kind::levels;
   return result;

@@ -4,7 +4,8 @@
 // A line has one contact, in the columns `time`, `contact` and `level`, or a column of levels for
 // each contact (--level). A header line or --columns names the columns; without both they are
 // time,contact,level. Without a level a line is an impact. Fields are separated by tabs,
-// semicolons, commas or blanks. Lines that begin with # or ; are comments.
+// semicolons, commas or blanks. Lines that begin with # or ; are comments. A further column may
+// have samples of an input (--input); a line without a number there has no sample.
 #pragma once
 
 #include <optional>
@@ -24,6 +25,7 @@ struct LineOptions {
   std::vector<std::string> names;    ///< of the columns (--columns); empty: as the header says
   std::vector<ColumnOption> levels;  ///< columns of levels; empty: a line has one contact
   std::string time;                  ///< column of times; empty: the one that begins with Time
+  std::string input;                 ///< column of samples of an input; empty: none
   std::optional<double> threshold;   ///< none: levels are 0 and 1
   bool needs_time = true;            ///< lines without a time cannot be used
 };
@@ -40,7 +42,8 @@ struct ParsedLine {
   Kind kind = Kind::nothing;
   std::optional<ClockTime> time;
   std::vector<ContactLevel> levels;
-  std::string problem;  ///< why the line cannot be used
+  std::optional<double> sample;  ///< of the input, in the unit of its column
+  std::string problem;           ///< why the line cannot be used
 };
 
 class LineParser {
@@ -60,13 +63,14 @@ class LineParser {
 
  private:
   struct Roles {
-    std::optional<std::size_t> time, contact, level;
+    std::optional<std::size_t> time, contact, level, input;
     std::vector<std::pair<std::size_t, int>> levels;  // column, contact
   };
 
   bool split(std::string_view line, std::size_t wanted);
   bool is_header() const;
   std::string assign(const std::vector<std::string>& names);
+  std::string read_sample(std::string_view text, ParsedLine& result) const;
   std::string read_level(std::string_view text, int contact, ParsedLine& result) const;
 
   LineOptions options_;

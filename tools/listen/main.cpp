@@ -34,8 +34,6 @@ int main(int argc, char** argv) {
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene machine = sprag::load_scene(scene, common);
     sprag::check_clock(machine.clock, run.intake.clock.rate, run.intake.clock.offset);
-    // Messages are on the contact clock, which runs at this rate.
-    run.intake.clock.speed *= machine.clock.rate;
-    return sprag::run_listen(run, static_cast<int>(machine.model.contacts.size()), common, report);
+    return sprag::run_listen(run, machine, common, report);
   });
 }

@@ -46,6 +46,8 @@ void add_listen_options(CLI::App& app, CommonOptions& common, ListenRun& run) {
   excludes(tcp, gpio);
   add_level_columns(app, run.intake.lines.levels);
   add_level_options(app, run.levels);
+  add_text(app, "--input", run.intake.lines.input, "NAME",
+           "Column of samples of the excitation, for a scene with excitation.stream");
   add_format_options(app, run.intake.lines.names, run.intake.lines.separator);
   add_time_options(app, run.intake.clock.unit, run.intake.clock.offset, run.intake.clock.rate);
   add_count(app, "--counter-bits", run.intake.clock.counter_bits, "N",

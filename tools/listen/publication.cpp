@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "command_line/printable.h"
-#include "lcmtypes/bus.h"
 #include "lcmtypes/wall_clock.h"
 
 namespace sprag {
@@ -16,14 +15,17 @@ ListenPublication::ListenPublication(int contacts, PublisherSettings settings,
   if (!record.empty()) {
     log_.emplace(record);
     if (!log_->good()) throw std::runtime_error(log_->error());
-    settings_.copy = [this](std::span<const std::uint8_t> message) { write(message); };
+    settings_.copy = [this](std::string_view channel, std::span<const std::uint8_t> message) {
+      write(channel, message);
+    };
   }
   publisher_ = std::make_unique<EventPublisher>(contacts_, settings_);
 }
 
-void ListenPublication::write(std::span<const std::uint8_t> message) noexcept {
+void ListenPublication::write(std::string_view channel,
+                              std::span<const std::uint8_t> message) noexcept {
   const std::lock_guard lock(log_mutex_);
-  log_->write(wall_clock_us(), contacts_channel, message);
+  log_->write(wall_clock_us(), channel, message);
 }
 
 void ListenPublication::events(std::span<const ContactEvent> events, double watermark) {
@@ -32,6 +34,10 @@ void ListenPublication::events(std::span<const ContactEvent> events, double wate
   }
   publisher_->set_horizon(watermark);
 }
+
+void ListenPublication::start_input(double t0, double dt) { publisher_->start_input(t0, dt); }
+
+void ListenPublication::sample(std::int64_t k, double value) { publisher_->take_sample(k, value); }
 
 // Lines of the new session wait for nothing: the old one ends in a thread of its own.
 void ListenPublication::new_session() {

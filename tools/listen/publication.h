@@ -10,6 +10,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <thread>
 #include <vector>
 
@@ -30,6 +31,8 @@ class ListenPublication : public IntakeSink {
   ListenPublication& operator=(const ListenPublication&) = delete;
 
   void events(std::span<const ContactEvent> events, double watermark) override;
+  void start_input(double t0, double dt) override;
+  void sample(std::int64_t k, double value) override;
   void new_session() override;
   void problem(const LineProblem& problem) override;
   void notice(const std::string& text) override;
@@ -52,7 +55,7 @@ class ListenPublication : public IntakeSink {
 
   static constexpr std::size_t most_closing = 4;
 
-  void write(std::span<const std::uint8_t> message) noexcept;
+  void write(std::string_view channel, std::span<const std::uint8_t> message) noexcept;
 
   int contacts_;
   PublisherSettings settings_;

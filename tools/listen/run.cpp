@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "command_line/printable.h"
 #include "command_line/signals.h"
 #include "tools/listen/publication.h"
 #include "tools/listen/source.h"
@@ -34,10 +35,41 @@ void check(const ListenRun& run) {
     throw UsageError("--stamp arrival needs a finite --speed: edges get the times of this host");
   if (intake.stamp_arrival && !run.gpio.empty())
     throw UsageError("--gpio has the kernel's time stamps; --stamp arrival is not for it");
+  if (!intake.lines.input.empty() && (intake.stamp_arrival || !run.gpio.empty())) {
+    throw UsageError(std::string("--input and ") +
+                     (run.gpio.empty() ? "--stamp arrival" : "--gpio") +
+                     " exclude each other: samples need the device's times");
+  }
   if (intake.impacts == Edge::closed || intake.rules.pulse_shorter_than == 0.0) return;
   throw UsageError(
       "--pulse-shorter-than is of contacts that close and open; with --impacts-at every "
       "event is a pulse");
+}
+
+// The intake's options that the scene and the other options give. Throws UsageError.
+void complete(ListenRun& run, const Scene& scene) {
+  IntakeOptions& intake = run.intake;
+  intake.lines.contacts = static_cast<int>(scene.model.contacts.size());
+  intake.lines.time = run.levels.time;
+  intake.lines.threshold = run.levels.threshold;
+  intake.inverted = run.levels.inverted;
+  intake.impacts = run.levels.impacts;
+  // Messages are on the contact clock, which runs at this rate.
+  intake.clock.speed *= scene.clock.rate;
+  if (!run.gpio.empty()) intake.clock.unit = Decimal{1, -9};
+  check(run);
+  if (intake.lines.input.empty()) return;
+  if (!(scene.stream_duration > 0.0)) {
+    throw UsageError("--input: " + printable(scene.name) +
+                     " must have a streamed excitation: stream = true in [excitation]");
+  }
+  for (const Force& force : scene.model.forces) {
+    // The device takes samples by its own clock, at the interval of the record.
+    if (force.input)
+      intake.input.dt = force.input->spacing() / (scene.clock.rate * intake.clock.rate);
+  }
+  intake.input.unit = scene.stream_unit;
+  intake.input.clock = scene.clock;
 }
 
 void say_scatter(const Intake& intake, const ListenRun& run, nlohmann::ordered_json& report) {
@@ -61,7 +93,7 @@ void say_scatter(const Intake& intake, const ListenRun& run, nlohmann::ordered_j
 }
 
 void fill(const Intake& intake, const EdgeSource& source, const ListenPublication& publication,
-          int contacts, nlohmann::ordered_json& report) {
+          const LineOptions& lines, nlohmann::ordered_json& report) {
   const IntakeCounts& counts = intake.counts();
   report["lines"] = counts.lines;
   report["bad_lines"] = counts.bad_lines;
@@ -70,7 +102,7 @@ void fill(const Intake& intake, const EdgeSource& source, const ListenPublicatio
   report["lost_edges"] = source.lost_edges();
   report["events"] = publication.published();
   report["contacts"] = nlohmann::ordered_json::array();
-  for (int i = 0; i < contacts; ++i) {
+  for (int i = 0; i < lines.contacts; ++i) {
     const EdgeCounts of = intake.edge_counts(i);
     report["contacts"].push_back({{"contact", i + 1},
                                   {"pulses", of.pulses},
@@ -85,21 +117,21 @@ void fill(const Intake& intake, const EdgeSource& source, const ListenPublicatio
   report["wraps"] = counts.wraps;
   report["stalls"] = counts.stalls;
   if (std::isfinite(intake.watermark())) report["watermark"] = intake.watermark();
+  if (!lines.input.empty()) {
+    report["input"] = {{"samples", counts.samples},
+                       {"bad_samples", counts.bad_samples},
+                       {"missing_samples", counts.missing_samples}};
+  }
   report["messages"] = publication.messages();
   report["unsent"] = publication.unsent();
 }
 
 }  // namespace
 
-int run_listen(ListenRun run, int contacts, const CommonOptions& common,
+int run_listen(ListenRun run, const Scene& scene, const CommonOptions& common,
                nlohmann::ordered_json& report) {
-  run.intake.lines.contacts = contacts;
-  run.intake.lines.time = run.levels.time;
-  run.intake.lines.threshold = run.levels.threshold;
-  run.intake.inverted = run.levels.inverted;
-  run.intake.impacts = run.levels.impacts;
-  check(run);
-  if (!run.gpio.empty()) run.intake.clock.unit = Decimal{1, -9};
+  complete(run, scene);
+  const int contacts = run.intake.lines.contacts;
   (void)host_start();
   const std::unique_ptr<EdgeSource> source = open_source(run, contacts);
   PublisherSettings settings;
@@ -132,12 +164,17 @@ int run_listen(ListenRun run, int contacts, const CommonOptions& common,
     intake.disconnect();
   }
   publication.finish();
-  fill(intake, *source, publication, contacts, report);
+  fill(intake, *source, publication, run.intake.lines, report);
   say_scatter(intake, run, report);
   const IntakeCounts& counts = intake.counts();
   std::cerr << counts.lines << " lines, " << publication.published()
             << " events; skipped: " << counts.bad_lines << " lines, " << counts.late_edges
             << " of them too late; sessions: " << counts.sessions << '\n';
+  if (!run.intake.lines.input.empty()) {
+    std::cerr << counts.samples
+              << " samples of the input; not in their place: " << counts.bad_samples
+              << "; missing: " << counts.missing_samples << '\n';
+  }
   if (!more && counts.edges == 0)
     throw std::runtime_error(source->name() + " has ended without an edge that can be used");
   return exit_done;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "command_line/program.h"
+#include "sprag/scene.h"
 #include "tools/listen/intake.h"
 
 namespace sprag {
@@ -24,7 +25,7 @@ struct ListenRun {
 /// Reads until the end of the source, the duration or a signal, fills `report` and returns the exit
 /// code. Throws UsageError for bad options, or a source that cannot be opened; BusError; and
 /// std::runtime_error if the source ends without a usable line, or the recording is not complete.
-int run_listen(ListenRun run, int contacts, const CommonOptions& common,
+int run_listen(ListenRun run, const Scene& scene, const CommonOptions& common,
                nlohmann::ordered_json& report);
 
 }  // namespace sprag

@@ -4,15 +4,9 @@
 #include <cmath>
 
 namespace sprag {
-namespace {
-
-// Intervals of the message and of the scene's record differ by at most this share.
-constexpr double same_interval = 1e-6;
-
-}  // namespace
 
 void InputHistory::restart() {
-  input_->clear();
+  input_->clear(of_record_);
   next_ = 0;
 }
 
@@ -29,15 +23,17 @@ bool InputHistory::append(double value) {
 
 InputHistory::Taken InputHistory::take(const InputMessage& message) {
   ++counts_.messages;
-  const double dt = input_->spacing();
-  const bool differs =
-      std::abs(message.dt - dt) > same_interval * dt || (started() && message.t0 != t0_);
-  if (differs) {
+  const double dt = message.dt;
+  const bool belongs =
+      started() ? dt == input_->spacing() && message.t0 == t0_
+                : std::abs(dt - of_record_) <= SampledInput::largest_rate_error * of_record_;
+  if (!belongs) {
     ++counts_.refused;
     return {};
   }
   Taken taken;
   if (!started()) {
+    input_->clear(dt);
     t0_ = message.t0;
     next_ = message.first();
     taken.any = append(message.sample(next_));

@@ -11,7 +11,8 @@ namespace sprag {
 
 struct InputCounts {
   std::int64_t messages = 0;  ///< of the followed session
-  std::int64_t refused = 0;   ///< of another interval or another begin than the first one
+  std::int64_t refused = 0;   ///< of another interval or another begin than the first one, or of
+                              ///< an interval that is not the record's
   std::int64_t samples = 0;   ///< received
   std::int64_t gaps = 0;      ///< losses that later messages did not repair
   std::int64_t filled = 0;    ///< samples that were interpolated in the gaps
@@ -28,8 +29,8 @@ class InputHistory {
     double gap_to = -1.0;    ///< and its end [s]
   };
 
-  /// `input` must outlive this.
-  explicit InputHistory(SampledInput& input) : input_(&input) {}
+  /// `input` must outlive this, and has no sample yet.
+  explicit InputHistory(SampledInput& input) : input_(&input), of_record_(input.spacing()) {}
 
   /// Forgets all samples: another session begins.
   void restart();
@@ -47,6 +48,7 @@ class InputHistory {
   bool append(double value);
 
   SampledInput* input_;
+  double of_record_;       // interval between samples of the record [s]
   std::int64_t next_ = 0;  // number of the next sample
   double t0_ = 0.0;        // of the session
   double last_ = 0.0;      // value of sample next_ - 1

@@ -102,6 +102,7 @@ std::size_t SampledInputs::most_knots() const { return channels_.front()->most_s
 void SampledInputs::follow() {
   const std::vector<double>& knots = channels_.front()->knots();
   if (knots.size() < knots_.size() || knots.front() != knots_.front()) knots_.clear();
+  step_ = channels_.front()->spacing();
   for (std::size_t k = knots_.size(); k < knots.size(); ++k) knots_.push_back(knots[k]);
 }
 
