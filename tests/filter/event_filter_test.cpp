@@ -22,6 +22,15 @@
 namespace sprag {
 namespace {
 
+// Mean square of the errors over their claimed deviations; NaN where none are claimed.
+double mean_square(Pursuit& run, Eigen::VectorXd& sigma_q, Eigen::VectorXd& sigma_u,
+                   Eigen::VectorXd& sigma_g) {
+  deviations(run.filter, run.state, sigma_q, sigma_u, sigma_g);
+  if (!sigma_q.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  return 0.5 * (((run.mean.q - run.truth.q).array() / sigma_q.array()).square().mean() +
+                ((run.mean.u - run.truth.u).array() / sigma_u.array()).square().mean());
+}
+
 // 2 f unknowns, one equation per impact.
 TEST(EventFilter, ConvergesOnPaperBeamAfterSixImpacts) {
   const Scene& scene = cached_scene("paper_beam.toml");
@@ -200,10 +209,13 @@ TEST(EventFilter, IsMoreAccurateThanReplicaWithJitter) {
   }
 }
 
-// Hundreds of thousands of events. With exact times the covariance is at the rounding level. With
-// jitter, the uncertainty is large only around an event that may or may not have happened.
+// Hundreds of thousands of events. With exact times the error stays at the rounding level. With
+// jitter it is within the claimed deviations but for rare ticks, mostly after a chatter within the
+// jitter; ticks near an event are left out, since the event may or may not have happened.
 TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
   Scene scene = cached_scene("paper_beam.toml");
+  const Eigen::Index f = scene.model.coordinates();
+  Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
   for (const double sigma : {0.0, 1e-3}) {
     scene.prior.jitter = sigma;
     Pursuit run(scene, 0.1);
@@ -212,11 +224,13 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
     double V = 0.0;
     double smallest = std::numeric_limits<double>::infinity();
     double worst = 0.0;
+    int ticks = 0, unknown = 0, far_off = 0;
     int next_look = 0;
     std::mt19937_64 engine(23);
     std::normal_distribution<double> normal;
     while (run.impacts < enough) {
       const double before = V;
+      const double square_before = sigma > 0.0 ? mean_square(run, sigma_q, sigma_u, sigma_g) : 0.0;
       const double t = tick_instant(run.k_, 0.1).hi;
       bool near = t - last_event < 6.0 * sigma;
       V = run.tick([&](std::vector<ContactEvent>& events) {
@@ -225,7 +239,12 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
           near = near || last_event - t < 6.0 * sigma;
         }
       });
-      if (run.impacts > 100 && !near) worst = std::max(worst, before);
+      if (run.impacts > 100 && !near) {
+        worst = std::max(worst, before);
+        ++ticks;
+        unknown += std::isnan(square_before) ? 1 : 0;
+        far_off += square_before > 10.0 ? 1 : 0;
+      }
       if (run.impacts < next_look) continue;
       next_look = run.impacts + 997;
       const Eigen::MatrixXd P = covariance(run.filter, run.state);
@@ -236,10 +255,15 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
     }
     std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
               << ", largest V " << worst << " in " << run.impacts << " events, "
-              << run.state.inconsistencies << " silences\n";
+              << run.state.inconsistencies << " silences; of " << ticks << " ticks " << unknown
+              << " unknown, " << far_off << " far off\n";
     // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart. The filter assumes an
     // error of event times of 16 times that spacing.
-    EXPECT_LT(worst, sigma == 0.0 ? 1e-14 : 1e-2);
+    if (sigma == 0.0) {
+      EXPECT_LT(worst, 1e-14);
+    }
+    EXPECT_LT(far_off, 3e-3 * ticks);
+    EXPECT_LT(unknown, 3e-3 * ticks);
   }
 }
 

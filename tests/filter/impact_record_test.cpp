@@ -7,6 +7,7 @@
 #include <random>
 
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/mechanics/scale.h"
 #include "sprag/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/recorded_run.h"
@@ -218,20 +219,23 @@ struct ImpactTrial {
 
 class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 
-// Errors against the claimed sigma, over runs with independent jitter.
+// Errors against the claimed sigma, over runs with independent jitter, from starts 1e-6 apart: the
+// rows of runs on one orbit share their errors, and chaotic orbits differ in their near impacts.
 TEST_P(ImpactsOfJitteringEvents, AreCalibrated) {
   const ImpactTrial& of = GetParam();
-  Scene scene = cached_scene(of.scene);
-  scene.prior.jitter = of.sigma;
+  constexpr int starts = 10, runs_each = 10;
   const double end = 15.0;
-  const std::vector<TrueImpact> truth = true_impacts(scene, end);
-  std::vector<ContactEvent> exact;
-  for (const TrueImpact& impact : truth) exact.push_back(impact.event);
   double squares[5] = {};
   int rows = 0, releases = 0;
-  // On a stable orbit all rows of a run share the same errors, so many runs are needed.
-  for (int seed = 1; seed <= 100; ++seed) {
-    std::mt19937_64 engine(static_cast<unsigned>(seed));
+  for (int run = 0; run < starts * runs_each; ++run) {
+    Scene scene = cached_scene(of.scene);
+    scene.prior.jitter = of.sigma;
+    scene.truth.start.q[0] -=
+        1e-6 * (run / runs_each) * length_scale(scene.model, scene.truth.start);
+    const std::vector<TrueImpact> truth = true_impacts(scene, end);
+    std::vector<ContactEvent> exact;
+    for (const TrueImpact& impact : truth) exact.push_back(impact.event);
+    std::mt19937_64 engine(static_cast<unsigned>(run + 1));
     const auto events = late_in_order(exact, of.sigma, engine);
     TrackingEstimator estimator(scene, 0.01, EstimatorKind::timing);
     const auto records = records_of(estimator, scene, events, end + 0.1);
@@ -275,7 +279,8 @@ TEST_P(ImpactsOfJitteringEvents, AreCalibrated) {
 INSTANTIATE_TEST_SUITE_P(Machines, ImpactsOfJitteringEvents,
                          testing::Values(ImpactTrial{"paper_beam.toml", 1e-4, 0.4, 1.4},
                                          ImpactTrial{"paper_beam.toml", 1e-2, 0.4, 1.4},
-                                         ImpactTrial{"steel_ruler.toml", 1e-3, 0.4, 1.6},
+                                         // Its highest mode turns by 2 rad within the jitter.
+                                         ImpactTrial{"steel_ruler.toml", 1e-3, 0.4, 2.2},
                                          ImpactTrial{"two_stops_beam.toml", 1e-3, 0.4, 1.4},
                                          ImpactTrial{"impact_oscillator.toml", 1e-3, 0.4, 1.4},
                                          ImpactTrial{"paper_beam_chatter.toml", 1e-3, 0.4, 1.4}));

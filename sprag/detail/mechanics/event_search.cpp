@@ -311,7 +311,7 @@ double noise_of(int order, const Signal& signal, const Point& at) {
 struct Verdict {
   double certified = 0.0;  // phi is positive before this time
   double root = infinity;  // accepted root
-  double next = 0.0;       // phi at `certified`, approximately
+  double next = 0.0;       // phi at `certified`, approximately; 0 at a root in sight
 };
 
 // n-th root of x >= 0 within 10 %, from the bits of the double, which approximate its logarithm.
@@ -350,20 +350,30 @@ double quadratic_root(double c0, double c1, double c2) {
   return denominator > 0.0 ? 2.0 * c0 / denominator : infinity;
 }
 
+// Value and slope of a polynomial.
+struct Sample {
+  double value;
+  double slope;
+};
+
+// sum a_j x^j. The constant degree lets the compiler keep the coefficients in registers.
+Sample evaluate(const Coefficients& a, double x) {
+  Sample at{a.back(), 0.0};
+  for (std::size_t j = a.size() - 1; j-- > 0;) {
+    at.slope = at.slope * x + at.value;
+    at.value = at.value * x + a[j];
+  }
+  return at;
+}
+
 // A root in (0, H) of sum a_j x^j, found by Newton's method from the root of the first three terms
 // and reduced by a small fraction. Infinity if none is found. It need not be the first root.
-double visible_root(const double* a, int n, double H) {
+double visible_root(const Coefficients& a, double H) {
   constexpr double a_little = 0x1p-9;
-  if (n < 2) return infinity;
   double x = quadratic_root(a[0], a[1], a[2]);
   for (int iteration = 0; iteration < 6; ++iteration) {
     if (!(x > 0.0 && x < H)) return infinity;
-    double value = a[n];
-    double slope = 0.0;
-    for (int j = n - 1; j >= 0; --j) {
-      slope = slope * x + value;
-      value = value * x + a[j];
-    }
+    const auto [value, slope] = evaluate(a, x);
     if (!(slope < 0.0)) return infinity;
     const double step = value / slope;
     x -= step;
@@ -413,21 +423,6 @@ Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
   return phi;
 }
 
-// Value and slope of the polynomial at s.
-struct Sample {
-  double value;
-  double slope;
-};
-
-Sample sample(const Stretch& phi, double s) {
-  Sample at{phi.c[index(phi.n)], 0.0};
-  for (int j = phi.n - 1; j >= 0; --j) {
-    at.slope = at.slope * s + at.value;
-    at.value = at.value * s + phi.c[index(j)];
-  }
-  return at;
-}
-
 // Newton's method for a root of the polynomial just after `low`. Near it the remainder has hardly
 // any effect. Returns the root if the remainder moves it by less than the resolution of time, else
 // infinity.
@@ -445,7 +440,7 @@ double accepted_root(const Stretch& phi, double low, Sample at, double resolutio
     s -= step;
     if (std::abs(step) * phi.H <= 0.125 * resolution) break;
     if (s > limit || s < low * (1.0 - 1e-9)) return infinity;
-    at = sample(phi, s);
+    at = evaluate(phi.c, s);
     if (at.slope >= 0.0) return infinity;
   }
   return error(s, at.slope) <= 0.25 * resolution ? s * phi.H : infinity;
@@ -462,7 +457,7 @@ Verdict judge(const Expansion& e, int order, double omitted, double now, double 
 
   // A visible root ends the interval. It is the first root if the interval before it has none.
   Coefficients lower = lower_bound(e, order, omitted);
-  const double in_sight = visible_root(lower.data(), degree - order + 1, H);
+  const double in_sight = visible_root(lower, H);
   if (in_sight < infinity) H = in_sight;
 
   const Stretch phi = stretch(e, order, H, lower);
@@ -472,10 +467,14 @@ Verdict judge(const Expansion& e, int order, double omitted, double now, double 
   if (low == infinity && in_sight < infinity) low = 1.0;
   const double end = std::min(low, 1.0);
 
-  const Sample at_end = sample(phi, end);
-  double scale = 1.0;
-  for (int j = 0; j < order; ++j) scale *= end * H;
-  Verdict verdict{end * H, infinity, at_end.value * scale};
+  const Sample at_end = evaluate(phi.c, end);
+  // Near a root that is in sight, the next expansion takes all oscillators and accepts it.
+  double next = 0.0;
+  if (in_sight == infinity) {
+    next = at_end.value;
+    for (int j = 0; j < order; ++j) next *= end * H;
+  }
+  Verdict verdict{end * H, infinity, next};
   if (low < infinity && !(omitted > 0.0)) {
     verdict.root = accepted_root(phi, low, at_end, machine_epsilon * (now + end * H));
   }
@@ -673,7 +672,7 @@ void EventSearch::expand() {
     tau_ = certified_;
     return;
   }
-  if (certified < longest || longest == infinity) {
+  if (sampled_ == nullptr || longest == infinity || certified < longest) {
     certified_ += certified;
     at_knot_ = at_knot_ && certified == 0.0;
     return;
