@@ -901,8 +901,9 @@ EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterB
 
 // An event is overdue if a gap, or the force of a held contact, has been negative beyond its
 // deviation and for longer than a report can be late.
-int EventFilter::overdue(double t, const FilterBelief& belief) {
+EventFilter::Overdue EventFilter::overdue(double t, const FilterBelief& belief) {
   fly_mean(t, belief);
+  Overdue found{-1, belief.held == 0 ? infinity : t};
   const auto beyond = [&](int contact, bool of_force) {
     at_.look(contact, of_force, t);
     const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
@@ -921,12 +922,17 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
     if (held && belief.held != bit(i)) continue;
     if (!known) {
       const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
+      if (found.open_until > t) {
+        found.open_until =
+            std::min(found.open_until, of.g > 0.0 ? t + of.g / flight().largest_velocity(i) : t);
+      }
       if (!(of.g < -silent_reports * belief.sigma * std::abs(of.velocity))) continue;
     }
     know();
-    if (beyond(i, held)) return i;
+    if (beyond(i, held)) return {i, t};
   }
-  return -1;
+  if (known) found.open_until = t;
+  return found;
 }
 
 }  // namespace sprag

@@ -108,9 +108,12 @@ class EventFilter {
   };
   Crossing crossing(int contact, double t, const FilterBelief& belief);
 
-  /// Returns a contact whose event is overdue at t beyond doubt, -1 if there is none. Does not
-  /// allocate.
-  int overdue(double t, const FilterBelief& belief);
+  struct Overdue {
+    int contact = -1;         ///< contact whose event is overdue beyond doubt, -1: none
+    double open_until = 0.0;  ///< no gap of the mean is negative before this time [s]
+  };
+  /// Checks at t whether an event is overdue. Does not allocate.
+  Overdue overdue(double t, const FilterBelief& belief);
 
  private:
   enum class Kind { impact, stays, opens };

@@ -155,6 +155,10 @@ Flight::Gap ModelFlight::gap(int contact) const {
   return gap;
 }
 
+double ModelFlight::largest_velocity(int contact) const {
+  return largest_later(free().gap_velocity(contact), motion_);
+}
+
 Flight::Gap ModelFlight::force(int contact) const {
   const Signal& lambda = closed_.flow->force(contact);
   Gap gap{value(lambda, closed_), rate(lambda, closed_), 0.0, largest_terms(lambda, closed_), 0.0};

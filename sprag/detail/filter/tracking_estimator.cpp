@@ -117,9 +117,10 @@ std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
   if (identifies()) return 0;
   if (state.belief && state.track.status != TrackStatus::lost) {
     // Up to the next event that watch() must handle.
-    const double until =
-        std::min(state.silence.overdue < 0 ? state.silence.next_look : state.silence.missing_from,
-                 EventFilter::end_of_burst(*state.belief));
+    const double until = std::min(state.silence.overdue < 0
+                                      ? std::max(state.silence.next_look, state.silence.open_until)
+                                      : state.silence.missing_from,
+                                  EventFilter::end_of_burst(*state.belief));
     const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
     if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
   }
@@ -270,6 +271,7 @@ bool TrackingEstimator::set_belief(const FilterBelief& of, TrackingState& state)
   if (!of.is_finite()) return false;
   state.earlier = {};
   state.belief = filter_->pool->put(of);
+  state.silence.open_until = 0.0;
   if (!state.belief) ++state.forgotten;
   return static_cast<bool>(state.belief);
 }
@@ -472,8 +474,11 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
   while (state.silence.overdue < 0 && state.silence.next_look <= t) {
     const double now = state.silence.next_look;
     state.silence.next_look = now + until_next_look(now, state);
+    if (now < state.silence.open_until) continue;
     if (!filter.can_reach(now, belief)) return false;
-    state.silence.overdue = filter.overdue(now, belief);
+    const EventFilter::Overdue found = filter.overdue(now, belief);
+    state.silence.overdue = found.contact;
+    state.silence.open_until = found.open_until;
     if (state.silence.overdue < 0) continue;
     state.silence.overdue_since = state.silence.missing_from = now;
     if (contains(belief.held, state.silence.overdue)) continue;
@@ -599,8 +604,8 @@ bool TrackingEstimator::is_believed(const TrackingState& state) {
 // Checks are rare. A sigma is claimed only if no event is overdue at this tick.
 bool TrackingEstimator::claims(const TrackingState& state) const {
   const double t = tick_instant(state.tick, h()).hi;
-  return is_believed(state) &&
-         (t < state.belief->t || filter_->filter.overdue(t, *state.belief) < 0);
+  return is_believed(state) && (t < std::max(state.belief->t, state.silence.open_until) ||
+                                filter_->filter.overdue(t, *state.belief).contact < 0);
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {

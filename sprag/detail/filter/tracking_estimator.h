@@ -61,6 +61,7 @@ struct Silence {
                                ///< a reset after it [s]
   double last_flight = 0.0;    ///< interval from the previous such time to it [s]
   double next_look = 0.0;      ///< time of the next check for an overdue event [s]
+  double open_until = 0.0;     ///< the last check excludes an overdue event up to this time [s]
   /// Contact whose event is overdue, -1: none; set by a check, cleared by received_at().
   int overdue = -1;
   double overdue_since = 0.0;  ///< time of the check that found it [s]

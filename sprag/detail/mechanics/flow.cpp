@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sprag/detail/mechanics/dynamics.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
 
 namespace sprag {
@@ -269,6 +270,28 @@ double second_rate(const Signal& signal, const Motion& motion) {
            r * drive.force_rate(o, motion.x);
   }
   if (motion.flow->sampled() != nullptr) sum += sampled_rates(signal, motion).second;
+  return sum;
+}
+
+// |p z + r z'| <= sqrt((p^2 / kappa + r^2) (kappa z^2 + z'^2)) about the rest position alpha /
+// kappa.
+double largest_later(const Signal& signal, const Motion& motion) {
+  const Flow& flow = *motion.flow;
+  if (!flow.drives().all().empty() || flow.sampled() != nullptr) return infinity;
+  const Eigen::ArrayXd& kappa = flow.oscillators().kappa();
+  double sum = std::abs(signal.constant + signal.held.dot(motion.held));
+  for (Eigen::Index i = 0; i < flow.size(); ++i) {
+    const double p = signal.p[i], r = signal.r[i], v = motion.x.v[i];
+    if (p == 0.0 && r == 0.0) continue;
+    if (kappa[i] > 0.0) {
+      const double rest = motion.alpha[i] / kappa[i], z = motion.x.z[i] - rest;
+      sum += std::abs(p * rest) +
+             std::sqrt((square(p) / kappa[i] + square(r)) * (kappa[i] * square(z) + square(v)));
+    } else {
+      if (p != 0.0 || motion.alpha[i] != 0.0) return infinity;
+      sum += std::abs(r * v);
+    }
+  }
   return sum;
 }
 
