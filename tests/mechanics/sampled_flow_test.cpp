@@ -226,7 +226,7 @@ TEST(SampledSearch, MissesNoTouch) {
       continue;
     }
   }
-  EXPECT_GT(looked, 100000);
+  EXPECT_GT(looked, repetitions(100000));
 }
 
 // A replica that starts in the master's state stays there, through impacts and lasting contacts.
@@ -254,7 +254,7 @@ TEST(SampledReplica, StaysOnTheMaster) {
       continue;
     }
   }
-  EXPECT_GT(events, 100);
+  EXPECT_GT(events, sanitized ? 1 : 100);
 }
 
 }  // namespace
