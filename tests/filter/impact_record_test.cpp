@@ -228,10 +228,10 @@ TEST_P(ImpactsOfJitteringEvents, AreCalibrated) {
   double squares[5] = {};
   int rows = 0, releases = 0;
   for (int run = 0; run < starts * runs_each; ++run) {
+    const int start = run / runs_each;
     Scene scene = cached_scene(of.scene);
     scene.prior.jitter = of.sigma;
-    scene.truth.start.q[0] -=
-        1e-6 * (run / runs_each) * length_scale(scene.model, scene.truth.start);
+    scene.truth.start.q[0] -= 1e-6 * start * length_scale(scene.model, scene.truth.start);
     const std::vector<TrueImpact> truth = true_impacts(scene, end);
     std::vector<ContactEvent> exact;
     for (const TrueImpact& impact : truth) exact.push_back(impact.event);
