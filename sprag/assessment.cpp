@@ -135,7 +135,18 @@ Finding directions_finding(const Assessment& a, int contacts) {
           ill ? "the directions are nearly dependent: impulses lose digits" : ""};
 }
 
+// A condition of the theorem that a trial without any time does not show.
+Finding not_shown(const std::string& id, const std::string& condition) {
+  Finding finding{id, true, true,
+                  "provided that " + condition + ": the trial ends at its start and shows nothing",
+                  ""};
+  finding.provided = condition;
+  return finding;
+}
+
 Finding contacts_open_again(const Trial& trial) {
+  if (trial.contacts.empty()) return {"A1", true, true, "no contacts", ""};
+  if (!(trial.duration > 0.0)) return not_shown("A1", "each contact opens again and again");
   std::vector<int> permanent;
   std::string shares;
   for (std::size_t i = 0; i < trial.contacts.size(); ++i) {
@@ -154,7 +165,6 @@ Finding contacts_open_again(const Trial& trial) {
             "excite the machine, so that the contact opens again and again; V stalls where it "
             "stays closed"};
   }
-  if (trial.contacts.empty()) return {"A1", true, true, "no contacts", ""};
   return {"A1", true, true,
           "no contact stays closed " + seen + " (sustained contact: " + shares +
               " of the time): each opens again (chi of class K^n), as far as a trial can show",
@@ -163,6 +173,7 @@ Finding contacts_open_again(const Trial& trial) {
 
 Finding bounded_motion(const Assessment& a) {
   const Trial& trial = a.trial;
+  if (!(trial.duration > 0.0)) return not_shown("A2", "the motion stays bounded");
   // A transient to a steady state grows, too.
   const bool long_enough =
       trial.duration == trial.planned &&

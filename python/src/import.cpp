@@ -149,7 +149,6 @@ void warn(const std::string& text) {
 
 py::array run_import(const std::filesystem::path& file, const Scene& scene,
                      const Arguments& given) {
-  constexpr std::size_t largest_capture = std::size_t{16} << 30U;  // [bytes]
   ImportOptions options = to_options(scene, given);
   const std::optional<Decimal> given_unit = to_unit(given.unit);
   const std::string name = file.string();

@@ -387,6 +387,15 @@ TEST(CheckScene, PermanentContactViolatesA1) {
   EXPECT_GT(shaken.trial.contacts[0].last_share, 0.1);
 }
 
+TEST(CheckScene, ATrialWithoutTimeShowsNothing) {
+  Scene scene = one_mass(1.0, 1.0, 0.0);
+  scene.truth.start.q[0] = -1.0;  // inside the support
+  const Assessment inside = assess(scene);
+  EXPECT_EQ(inside.trial.duration, 0.0);
+  EXPECT_EQ(finding(inside, "A1").provided, "each contact opens again and again");
+  EXPECT_EQ(finding(inside, "A2").provided, "the motion stays bounded");
+}
+
 TEST(CheckScene, GrowingMotionViolatesA2) {
   EXPECT_EQ(broken(assess(one_mass(0.1, 0.0, 1.0))), (Ids{"K", "A2"}));
   EXPECT_EQ(broken(assess(one_mass(0.0, 0.0, 1.0))), (Ids{"C", "K", "A2"}));

@@ -17,7 +17,6 @@ namespace sprag {
 namespace {
 
 constexpr std::size_t most_problems_shown = 20;
-constexpr std::size_t largest_capture = std::size_t{16} << 30U;  // [bytes]
 constexpr double hardly_a_run = 1e7;  // s; later times are those of a clock, as since 1970
 
 void check_output(const ImportRun& run) {

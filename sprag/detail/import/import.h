@@ -5,6 +5,7 @@
 // and pulses are those of sprag/detail/import/contact_edges.h.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -15,6 +16,9 @@
 #include "sprag/detail/import/decimal.h"
 
 namespace sprag {
+
+/// Size of the largest file with time stamps [bytes].
+inline constexpr std::size_t largest_capture = std::size_t{16} << 30U;
 
 /// The columns of one contact: either `impacts`, or `on` and `off`, or `level`, which is converted
 /// to one of these (sprag/detail/import/levels.h). Indices from 0.
