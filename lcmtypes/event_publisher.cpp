@@ -104,8 +104,13 @@ class EventPublisher::Core {
     }
     const std::lock_guard lock(mutex_);
     if (!input_sender_) throw std::invalid_argument("a sample comes before start_input()");
-    if (closed_ || k < input_sender_->total()) return false;
-    input_sender_->add(k, value);
+    const std::int64_t next = early_.empty() ? input_sender_->total() : early_.back().first + 1;
+    if (closed_ || k < next) return false;
+    if (begun()) {
+      input_sender_->add(k, value);
+    } else {
+      early_.emplace_back(k, value);
+    }
     return true;
   }
 
@@ -117,8 +122,8 @@ class EventPublisher::Core {
     if (std::exchange(closed_, true) || horizon_ < 0.0) return;
     for (int i = 0; i < ContactSender::goodbyes; ++i) {
       if (i > 0) std::this_thread::sleep_for(ContactSender::heartbeat);
-      if (input_sender_) input_sender_->send();
       send();
+      if (input_sender_) input_sender_->send();
     }
   }
 
@@ -149,10 +154,15 @@ class EventPublisher::Core {
     }
   }
 
+  // Whether a contact message has been sent.
+  bool begun() const { return said_ >= 0.0; }
+
   void send() {
     repeats_ = horizon_ > said_ ? 0 : repeats_ + 1;
     said_ = horizon_;
     sender_.send(horizon_);
+    for (const auto& [k, value] : early_) input_sender_->add(k, value);
+    early_.clear();
   }
 
   int contacts_;
@@ -163,10 +173,12 @@ class EventPublisher::Core {
   Bus bus_;
   ContactSender sender_;
   std::optional<InputSender> input_sender_;  // after start_input()
-  std::vector<ContactEvent> waiting_;        // later than the watermark, in order
-  double horizon_ = -1.0;                    // watermark; -1: none yet
-  double said_ = -1.0;                       // watermark of the last message
-  int repeats_ = 0;                          // number of messages that repeated it
+  // Samples until the first contact message, by which observers know the session.
+  std::vector<std::pair<std::int64_t, double>> early_;
+  std::vector<ContactEvent> waiting_;  // later than the watermark, in order
+  double horizon_ = -1.0;              // watermark; -1: none yet
+  double said_ = -1.0;                 // watermark of the last message
+  int repeats_ = 0;                    // number of messages that repeated it
   bool closed_ = false;
   std::jthread beats_;  // last member: it uses all others
 };

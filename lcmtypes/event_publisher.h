@@ -60,9 +60,10 @@ class EventPublisher {
   /// second call, t0 that is not finite, or dt that is not a finite number > 0.
   void start_input(double t0, double dt);
 
-  /// Takes sample k of the excitation, and sends it within about 10 ms. Numbers that are left out
-  /// are samples that do not exist: observers interpolate them and report it. Returns false if k is
-  /// not greater than all before or the publisher is closed. Throws std::invalid_argument before
+  /// Takes sample k of the excitation, and sends it within about 10 ms, but not before the first
+  /// watermark, since observers ignore samples of an unknown session. Numbers that are left out are
+  /// samples that do not exist: observers interpolate them and report it. Returns false if k is not
+  /// greater than all before or the publisher is closed. Throws std::invalid_argument before
   /// start_input(), for k that is not from 0 to 2^53 - 1, or a value that is not finite.
   bool take_sample(std::int64_t k, double value);
 

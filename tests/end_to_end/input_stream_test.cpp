@@ -11,25 +11,16 @@
 #include "lcmtypes/state_codec.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
+#include "tests/support/streamed_scene.h"
 
 namespace sprag::test {
 namespace {
 
 class InputStreamTest : public EndToEnd {
  protected:
-  /// The swept beam with a streamed excitation and these further lines in [excitation]. The stop
-  /// holds the beam at times, so that clutches lock under the input.
-  std::string streamed_scene(const std::string& lines = {}) {
-    std::string text = read_text(scene("swept_beam"));
-    const auto replace = [&](const std::string& what, const std::string& by) {
-      const std::size_t at = text.find(what);
-      ASSERT_NE(at, std::string::npos) << what;
-      text.replace(at, what.size(), by);
-    };
-    replace("\"records/swept_base.csv\"", "\"" SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv\"");
-    replace("interpolation = \"spline\"",
-            "interpolation = \"linear\"\noutside = \"hold\"\nstream = true\n" + lines);
-    return write_text(file("streamed.toml"), text);
+  /// Writes the streamed scene with these further lines in [excitation].
+  std::string streamed(const std::string& lines = {}) {
+    return write_text(file("streamed.toml"), streamed_scene(lines));
   }
 
   Process& start_relay(std::uint16_t near, std::uint16_t far, const Arguments& plan) {
@@ -51,7 +42,7 @@ void PrintTo(const Trouble& trouble, std::ostream* out) { *out << trouble.name; 
 class StreamTroubleTest : public InputStreamTest, public testing::WithParamInterface<Trouble> {};
 
 TEST_P(StreamTroubleTest, SettledTicksEqualTheReplayBitForBit) {
-  const std::string machine = streamed_scene();
+  const std::string machine = streamed();
   write_text(machine, read_text(machine) + GetParam().tables);
   const std::uint16_t near = free_port(), far = free_port();
   Process& relay = start_relay(near, far, GetParam().plan);
@@ -108,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 // The record of the scene and its stream are the same input.
 TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
-  const std::string machine = streamed_scene();
+  const std::string machine = streamed();
   Process& recorder = start_recorder(file("run.lcmlog"), "SPRAG_.*");
   Process& master = start_master({machine, "--duration", "6", "--speed", "4", "--publish-input",
                                   "--no-truth", "--events", file("events.csv")});
@@ -152,7 +143,7 @@ TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
 
 // Without the input nothing settles, the observer says so, and sigma grows.
 TEST_F(InputStreamTest, AMissingInputIsReported) {
-  const std::string machine = streamed_scene();
+  const std::string machine = streamed();
   Process& observer =
       start_listening("observer", {machine, "--duration", "6", "--tick", "0.005", "--states",
                                    file("live.csv"), "--report", file("o.json")});
@@ -171,7 +162,7 @@ TEST_F(InputStreamTest, AMissingInputIsReported) {
 
 // The input stops for two seconds while the contacts go on.
 TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
-  const std::string machine = streamed_scene();
+  const std::string machine = streamed();
   const std::uint16_t near = free_port(), far = free_port();
   Process& relay = start_relay(near, far,
                                {"--seed", "25", "--outages", "1", "--outage", "2", "--every", "3.5",
@@ -241,7 +232,7 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
 }
 
 TEST_F(InputStreamTest, WhatAStreamExcludes) {
-  const std::string machine = streamed_scene();
+  const std::string machine = streamed();
   for (const Arguments& more :
        {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
         Arguments{"--impacts", file("i.csv")}, Arguments{"--estimator", "adaptive"}}) {

@@ -5,12 +5,14 @@
 #include <chrono>
 #include <limits>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/estimate_listener.h"
+#include "lcmtypes/input_codec.h"
 #include "sprag/detail/events/event_history.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
@@ -166,6 +168,33 @@ TEST(EventPublisher, ManySimultaneousEventsAllArrive) {
   EXPECT_EQ(history.counts().events, events);
   EXPECT_EQ(history.counts().lost_records, 0);
   EXPECT_EQ(history.horizon(), 2.0);
+}
+
+// Observers ignore samples of a session that no contact message has begun.
+TEST(EventPublisher, SamplesFollowTheFirstContactMessage) {
+  std::vector<std::string> channels;
+  std::vector<double> samples;
+  const auto keep = [&](std::string_view channel, std::span<const std::uint8_t> message) {
+    channels.emplace_back(channel);
+    InputMessage input;
+    if (channel != input_channel) return;
+    EXPECT_EQ(decode(message, input), Refusal::none);
+    for (auto k = static_cast<std::int64_t>(samples.size()); k < input.total; ++k)
+      samples.push_back(input.sample(k));
+  };
+  EventPublisher publisher(1, {.url = test::udp_url(), .copy = keep});
+  publisher.start_input(0.0, 1e-3);
+  for (int k = 0; k < 400; ++k) EXPECT_TRUE(publisher.take_sample(k, 0.5 * k));
+  EXPECT_FALSE(publisher.take_sample(399, 1.0));
+  std::this_thread::sleep_for(50ms);
+  publisher.set_horizon(0.3);
+  EXPECT_TRUE(publisher.take_sample(400, 200.0));
+  publisher.close();
+  ASSERT_FALSE(channels.empty());
+  EXPECT_EQ(channels.front(), contacts_channel);
+  ASSERT_EQ(samples.size(), 401U);
+  for (std::size_t k = 0; k < samples.size(); ++k)
+    EXPECT_EQ(samples[k], 0.5 * static_cast<double>(k));
 }
 
 TEST(EventPublisher, WithAKeyEveryMessageIsSigned) {

@@ -24,6 +24,7 @@
 #include "lcmtypes/input_codec.h"
 #include "tests/support/program_test.h"
 #include "tests/support/random.h"
+#include "tests/support/streamed_scene.h"
 #include "tests/support/udp_url.h"
 
 namespace sprag {
@@ -34,6 +35,8 @@ using test::Arguments;
 using test::eventually;
 using test::Process;
 using test::read_text;
+using test::streamed_scene;
+using test::operator+;
 using test::write_text;
 
 constexpr auto patience = std::chrono::seconds(120);  // of a hang
@@ -130,6 +133,27 @@ class ListenProgramTest : public test::ProgramTest {
     return process;
   }
 
+  /// Starts an observer of scene_ with these options and --states, which waits for a master.
+  Process& start_observer(const Arguments& options) {
+    observer_options_ = options;
+    Process& observer =
+        start(Arguments{OBSERVER, scene_, "--url", url_, "--states", path("live.csv")} + options);
+    wait_for(observer, "waiting for a master");
+    return observer;
+  }
+
+  /// The states of that observer, which equal those of a replay of the recording bit for bit.
+  std::string replayed_states(Process& observer) {
+    EXPECT_EQ(observer.wait(patience), 0) << observer.err();
+    Process& offline = start(Arguments{OBSERVER, scene_, "--replay", path("run.lcmlog"), "--states",
+                                       path("replay.csv")} +
+                             observer_options_);
+    EXPECT_EQ(offline.wait(patience), 0) << offline.err();
+    std::string states = read_text(directory_ / "live.csv");
+    EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
+    return states;
+  }
+
   /// A pseudo-terminal to which path("tty") leads.
   Wire open_terminal() {
     const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -201,6 +225,7 @@ class ListenProgramTest : public test::ProgramTest {
   std::string scene_ = SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml";
   std::string url_ = test::udp_url();
   std::vector<std::unique_ptr<Process>> processes_;
+  Arguments observer_options_;
 };
 
 /// Edges of two contacts, 100 us apart, as a device prints them whose counter wraps at 2^32 us.
@@ -424,12 +449,7 @@ TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit)
   scene_ = path("clock.toml");
   write_text(scene_, read_text(machine) +
                          "\n[clock]\nrate = 1.01\noffset = 0.5\n[events]\njitter = 1e-6\n");
-  const Arguments common{"--duration", "10", "--tick", "0.0078125", "--states"};
-  Arguments live{OBSERVER, scene_, "--url", url_};
-  live.insert(live.end(), common.begin(), common.end());
-  live.push_back(path("live.csv"));
-  Process& observer = start(live);
-  wait_for(observer, "waiting for a master");
+  Process& observer = start_observer({"--duration", "10", "--tick", "0.0078125"});
   std::string command = SPRAG_SOURCE_DIR "/scripts/simulated_device " + path("device.csv") +
                         " --speed 4 --counter-start 4290000000 --crlf |";
   for (const std::string& word :
@@ -438,15 +458,8 @@ TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit)
     command += " '" + word + "'";
   Process& process = start({"sh", "-c", command});
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
-  Arguments replay{OBSERVER, scene_, "--replay", path("run.lcmlog")};
-  replay.insert(replay.end(), common.begin(), common.end());
-  replay.push_back(path("replay.csv"));
-  Process& offline = start(replay);
-  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
-  const std::string states = read_text(directory_ / "live.csv");
+  const std::string states = replayed_states(observer);
   EXPECT_EQ(std::ranges::count(states, '\n'), 1282);
-  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
   // The device prints microseconds.
   const std::vector<double> estimated = first_coordinates(states);
   const std::vector<double> truth = first_coordinates(read_text(directory_ / "true.csv"));
@@ -456,20 +469,6 @@ TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit)
   EXPECT_EQ(report()["wraps"], 1);
   EXPECT_EQ(report()["bad_lines"], 0) << process.err();
   EXPECT_GT(report()["contacts"][0]["pulses"], 20);
-}
-
-/// The swept beam with a streamed excitation.
-std::string streamed_scene() {
-  std::string text = read_text(SPRAG_SOURCE_DIR "/scenes/swept_beam.toml");
-  const auto replace = [&](const std::string& what, const std::string& by) {
-    const std::size_t at = text.find(what);
-    ASSERT_NE(at, std::string::npos) << what;
-    text.replace(at, what.size(), by);
-  };
-  replace("\"records/swept_base.csv\"", "\"" SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv\"");
-  replace("interpolation = \"spline\"",
-          "interpolation = \"linear\"\noutside = \"hold\"\nstream = true");
-  return text;
 }
 
 /// Rows of a data logger: time, level, acceleration. The times of samples are those of the record;
@@ -520,12 +519,7 @@ TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachin
   ASSERT_EQ(simulated.code, 0) << simulated.err;
   const auto rows = logger_rows(read_text(directory_ / "machine.csv"),
                                 read_text(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv"));
-  const Arguments common{"--duration", "5.9", "--tick", "0.005", "--states"};
-  Arguments live{OBSERVER, scene_, "--url", url_};
-  live.insert(live.end(), common.begin(), common.end());
-  live.push_back(path("live.csv"));
-  Process& observer = start(live);
-  wait_for(observer, "waiting for a master");
+  Process& observer = start_observer({"--duration", "5.9", "--tick", "0.005"});
   Wire wire;
   Process& process =
       start_at_pipe({"--speed", "4", "--latency", "60", "--columns", "time,hit,ax", "--level",
@@ -538,15 +532,8 @@ TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachin
   }
   wire.hang_up();
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
-  Arguments replay{OBSERVER, scene_, "--replay", path("run.lcmlog")};
-  replay.insert(replay.end(), common.begin(), common.end());
-  replay.push_back(path("replay.csv"));
-  Process& offline = start(replay);
-  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
-  const std::string states = read_text(directory_ / "live.csv");
+  const std::string states = replayed_states(observer);
   EXPECT_EQ(std::ranges::count(states, '\n'), 1182);
-  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
   const std::vector<double> estimated = first_coordinates(states);
   const std::vector<double> truth = first_coordinates(read_text(directory_ / "true.csv"));
   ASSERT_GE(truth.size(), estimated.size());
@@ -556,6 +543,28 @@ TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachin
   EXPECT_EQ(report()["input"]["samples"], 3001);
   EXPECT_EQ(report()["input"]["missing_samples"], 0);
   EXPECT_EQ(report()["unsent"], 0);
+}
+
+TEST_F(ListenProgramTest, SamplesThatArriveAtOnceAreUsedFromTheFirstOneOn) {
+  write_text(path("streamed.toml"), streamed_scene());
+  scene_ = path("streamed.toml");
+  Process& observer = start_observer({"--duration", "1.9", "--tick", "0.005"});
+  Wire wire;
+  Process& process = start_at_pipe(
+      {"--speed", "max", "--columns", "time,hit,ax", "--level", "1=hit", "--input", "ax"}, wire);
+  std::string rows;
+  for (int k = 0; k <= 1000; ++k) {
+    char row[64];
+    std::snprintf(row, sizeof row, "%.3f,%d,%.6f\n", 0.002 * k, k % 200 < 2 ? 1 : 0,
+                  0.1 * std::sin(0.05 * k));
+    rows += row;
+  }
+  wire.send(rows);
+  wire.hang_up();
+  EXPECT_EQ(process.wait(patience), 0) << process.err();
+  const std::string states = replayed_states(observer);
+  EXPECT_EQ(std::ranges::count(states, '\n'), 381);
+  EXPECT_EQ(report()["input"]["samples"], 1001);
 }
 
 TEST_F(ListenProgramTest, ARestartBeginsANewSessionOfContactsAndInput) {
