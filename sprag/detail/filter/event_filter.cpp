@@ -922,10 +922,8 @@ EventFilter::Overdue EventFilter::overdue(double t, const FilterBelief& belief) 
     if (held && belief.held != bit(i)) continue;
     if (!known) {
       const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
-      if (found.open_until > t) {
-        found.open_until =
-            std::min(found.open_until, of.g > 0.0 ? t + of.g / flight().largest_velocity(i) : t);
-      }
+      if (found.open_until > t)
+        found.open_until = std::min(found.open_until, t + flight().open_for(i));
       if (!(of.g < -silent_reports * belief.sigma * std::abs(of.velocity))) continue;
     }
     know();

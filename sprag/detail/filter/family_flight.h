@@ -16,7 +16,6 @@
 #include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/input_cursor.h"
 #include "sprag/detail/mechanics/oscillators.h"
-#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 
@@ -44,7 +43,7 @@ class FamilyFlight final : public Flight {
   double largest_frequency() const override;
   double smallest_frequency() const override;
   Gap gap(int contact) const override { return gap(contact, centre()); }
-  double largest_velocity(int) const override { return infinity; }
+  double open_for(int) const override { return 0.0; }
   /// g is w^T w lambda.
   Gap force(int contact) const override { return force(contact, centre()); }
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
