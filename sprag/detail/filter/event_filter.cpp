@@ -923,7 +923,7 @@ EventFilter::Overdue EventFilter::overdue(double t, const FilterBelief& belief) 
     if (!known) {
       const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
       if (found.open_until > t)
-        found.open_until = std::min(found.open_until, t + flight().open_for(i));
+        found.open_until = std::min(found.open_until, t + flight().open_for(i, of));
       if (!(of.g < -silent_reports * belief.sigma * std::abs(of.velocity))) continue;
     }
     know();

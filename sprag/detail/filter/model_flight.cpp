@@ -157,11 +157,10 @@ Flight::Gap ModelFlight::gap(int contact) const {
 
 // The first positive root of g - v t, and that of g + velocity t - a t^2 / 2, where v and a are the
 // largest velocity and acceleration that the energies of the modes permit.
-double ModelFlight::open_for(int contact) const {
-  const Signal& of_velocity = free().gap_velocity(contact);
-  const double g = value(free().gap(contact), motion_), velocity = value(of_velocity, motion_);
+double ModelFlight::open_for(int contact, const Gap& gap) const {
+  const double g = gap.g, velocity = gap.velocity;
   if (!(g > 0.0)) return 0.0;
-  const auto [v, a] = largest_later(of_velocity, motion_);
+  const auto [v, a] = largest_later(free().gap_velocity(contact), motion_);
   if (!(a < infinity)) return g / v;
   const double root = std::sqrt(square(velocity) + 2.0 * a * g);
   return std::max(g / v, velocity > 0.0 ? (velocity + root) / a : 2.0 * g / (root - velocity));

@@ -34,7 +34,7 @@ class ModelFlight final : public Flight {
   double largest_frequency() const override { return fastest_; }
   double smallest_frequency() const override { return slowest_; }
   Gap gap(int contact) const override;
-  double open_for(int contact) const override;
+  double open_for(int contact, const Gap& gap) const override;
   Gap force(int contact) const override;
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int contact, Vector of) const override;
