@@ -558,8 +558,7 @@ void MachineFamily::set_record(const Unknown& unknown, double value, Scene& scen
   const auto changed = std::make_shared<const SampledInput>(
       with_gain_and_delay(*present, unknown.kind == Kind::gain ? value : settings.gain,
                           unknown.kind == Kind::delay ? value : settings.delay));
-  replace_input(record, changed, scene.model);
-  if (scene.frame && scene.frame->input == present) scene.frame->input = changed;
+  replace_input(record, changed, scene);
 }
 
 Scene MachineFamily::with(const Eigen::VectorXd& values) const {

@@ -21,8 +21,7 @@ Scene with_records(const Scene& scene, const ChangeRecord& change) {
   Scene changed = scene;
   for (const RecordedInput& record : recorded_inputs(scene)) {
     const SampledInputPointer input = change(record.input);
-    replace_input(record, input, changed.model);
-    if (changed.frame && changed.frame->input == record.input) changed.frame->input = input;
+    replace_input(record, input, changed);
   }
   return changed;
 }

@@ -247,6 +247,13 @@ void replace_input(const RecordedInput& record, const SampledInputPointer& input
   for (const int i : record.contacts) model.contacts[static_cast<std::size_t>(i)].input = input;
 }
 
+void replace_input(const RecordedInput& record, const SampledInputPointer& input, Scene& scene) {
+  const SampledInputPointer present =
+      scene.model.forces[static_cast<std::size_t>(record.forces.front())].input;
+  replace_input(record, input, scene.model);
+  if (scene.frame && scene.frame->input == present) scene.frame->input = input;
+}
+
 double mean_frequency(const SampledInput& input) {
   const std::vector<double>& t = input.sample_times();
   const std::vector<double>& values = input.sample_values();

@@ -128,6 +128,8 @@ std::vector<RecordedInput> recorded_inputs(const Scene& scene);
 
 /// Moves these forces and supports of a model by another input.
 void replace_input(const RecordedInput& record, const SampledInputPointer& input, Model& model);
+/// The same for the scene's model, and its shaken frame if that moves by the same input.
+void replace_input(const RecordedInput& record, const SampledInputPointer& input, Scene& scene);
 
 /// Root mean square of the rate of a record's samples over that of the samples, both without their
 /// means: the angular frequency of a sinusoid [rad/s].
