@@ -36,7 +36,7 @@ using test::eventually;
 using test::Process;
 using test::read_text;
 using test::streamed_scene;
-using test::operator+;
+using test::operator+;  // NOLINT(misc-unused-using-decls): used by operators
 using test::write_text;
 
 constexpr auto patience = std::chrono::seconds(120);  // of a hang
