@@ -112,22 +112,24 @@ bool EventFilter::precedes_last(const Event& event, double tau, const FilterBeli
 }
 
 // Initial value of the Gauss-Newton steps where the likelihood may have several maxima: the best of
-// several times, each after one Newton step.
+// several times, each after one Newton step. The gap, or the contact force at an opening, falls
+// there.
 void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   const double sigma = belief.sigma;
   const double half = scan_reach * sigma / (scanned - 1);
+  const bool opens = event.kind == Kind::opens;
   double least = infinity;
   for (int i = 0; i < scanned; ++i) {
     double tau = scan_reach * sigma * (2.0 * i / (scanned - 1) - 1.0);
     at_.fly(event.t - tau, belief.z, belief);
-    at_.look(event.contact, false, event.t);
+    at_.look(event.contact, opens, event.t);
     double g = at_.of.g, v = at_.of.velocity;
     const double s2 = at_.phi.squaredNorm() + at_.noise;
     const double move = std::clamp(
         (g * v / s2 - tau / square(sigma)) / (1.0 / square(sigma) + square(v) / s2), -half, half);
     g -= v * move;
     tau += move;
-    if (precedes_last(event, tau, belief)) continue;
+    if (!opens && precedes_last(event, tau, belief)) continue;
     const double both = at_.phi.dot(at_.psi);
     const double mean = v - both / s2 * g;
     const double deviation =
@@ -160,12 +162,14 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
   };
   for (int step = 0; step < most_steps; ++step) {
     linearize();
-    if (step == 0 && !opens) {
+    if (step == 0) {
       const double v = at_.of.velocity;
-      const double variance = at_.phi.squaredNorm() + square(v * sigma) + at_.noise + event.extra;
-      belief.innovation = {t, event.contact, at_.of.g, std::sqrt(variance)};
-      belief.length = std::max(belief.length, at_.of.length);
-      belief.speed = std::max(belief.speed, std::abs(v));
+      if (!opens) {
+        const double variance = at_.phi.squaredNorm() + square(v * sigma) + at_.noise + event.extra;
+        belief.innovation = {t, event.contact, at_.of.g, std::sqrt(variance)};
+        belief.length = std::max(belief.length, at_.of.length);
+        belief.speed = std::max(belief.speed, std::abs(v));
+      }
       const double margin = at_.psi.norm() + std::abs(at_.of.acceleration) * sigma;
       if (sigma > 0.0 && !(v < -scan_reach * margin)) {
         scan(event, belief);
@@ -246,15 +250,20 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
   return true;
 }
 
-// Weighs the component by the flux (-gamma)^+ through the support (flux.h), and matches its mean
-// and covariance along gamma to the moments of the weighted distribution.
+// Weighs the component by sqrt(gamma^2 + a^2) where gamma < 0, a the gap's deviation over that of
+// the report, and matches its mean and covariance along gamma to the moments of the weighted
+// distribution. The weight is that of Jeffreys' prior for a report of the event time: the flux of
+// the gap through the support where the state is known better than the time, the same for all gamma
+// where it is not. With the flux alone the motion would grow from impact to impact.
 void EventFilter::weigh_flux(double sigma, double variance, double& gamma, Node& node) {
   const double deviation = at_.psi.norm();
   if (!(deviation > 1e-6 * std::abs(gamma))) {
     node.log_weight += std::log(std::max(-gamma, 1e-300));
     return;
   }
-  const double even = variance / (std::max(std::abs(gamma), 0.1 * deviation) * square(sigma));
+  const double a = std::sqrt(variance) / sigma;
+  // The weight at the mean, less |gamma| there.
+  const double even = square(a) / (std::abs(gamma) + std::hypot(gamma, a));
   const FluxMoments moments = flux_moments(gamma, deviation, even);
   const double along = (moments.mean - gamma) / deviation;
   const double rest = std::sqrt(std::max(moments.variance, 1e-6 * square(deviation)));
@@ -295,9 +304,8 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
             at_.velocity_by_c.dot(c_ - theta);
     if (!exact && event.kind == Kind::impact)
       node.departs = square(std::max(gamma, 0.0) / at_.psi.norm());
-    if (!exact && !at_.considers() && event.extra == 0.0) {
+    if (!exact && !at_.considers() && event.extra == 0.0)
       weigh_flux(belief.sigma, variance, gamma, node);
-    }
     if (exact && event.kind == Kind::stays) measure_rest(event, gamma);
   }
   node.gamma = gamma;
@@ -747,7 +755,8 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   const double speed = belief.rebound[contact] > 0.0 ? belief.rebound[contact]
                                                      : std::hypot(at_.of.velocity, at_.psi.norm());
   point_.z = belief.z;
-  point_.tau = 0.0;
+  // The burst follows the contact's last event, which may be later than this report.
+  point_.tau = std::min(0.0, given.t - belief.occurred[contact]);
   const Event event{contact, Kind::stays, given.t,
                     square(speed * belief.sigma) + std::numeric_limits<double>::min()};
   if (!condense(event, burst_reach * belief.sigma, burst_nodes, belief)) return false;
@@ -899,37 +908,34 @@ EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterB
   return {at_.of.g, at_.of.velocity, at_.phi.norm()};
 }
 
-// An event is overdue if a gap, or the force of a held contact, has been negative beyond its
-// deviation and for longer than a report can be late.
+// An event is overdue if a gap, or the force of a held contact, is negative beyond its deviation
+// and has been negative for longer than a report can be late.
 EventFilter::Overdue EventFilter::overdue(double t, const FilterBelief& belief) {
-  fly_mean(t, belief);
   Overdue found{-1, belief.held == 0 ? infinity : t};
-  const auto beyond = [&](int contact, bool of_force) {
-    at_.look(contact, of_force, t);
-    const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
-    // The master does not report the bounces of a completed chatter, which last up to chatter_time.
-    const double late = silent_reports * belief.sigma + (of_force ? 0.0 : model_.chatter_time);
-    return at_.of.g < -silent_gaps * deviation - late * std::abs(at_.of.velocity);
-  };
-  bool known = false;
-  const auto know = [&] {
-    if (!known) mean(t, belief);
-    known = true;
-  };
+  fly_mean(t, belief);
   for (int i = 0; i < flight().contacts(); ++i) {
     const bool held = contains(belief.held, i);
     // Of several held contacts a force may be negative (holds_together() in master.h).
     if (held && belief.held != bit(i)) continue;
-    if (!known) {
-      const Flight::Gap of = held ? flight().force(i) : flight().gap(i);
-      if (found.open_until > t)
-        found.open_until = std::min(found.open_until, t + flight().open_for(i, of));
-      if (!(of.g < -silent_reports * belief.sigma * std::abs(of.velocity))) continue;
+    const auto signal = [&] { return held ? flight().force(i) : flight().gap(i); };
+    const Flight::Gap present = signal();
+    if (found.open_until > t) {
+      found.open_until = std::min(found.open_until, t + flight().open_for(i, present));
     }
-    know();
-    if (beyond(i, held)) return {i, t};
+    if (!(present.g < 0.0)) continue;
+    // The master does not report the bounces of a completed chatter, which last up to chatter_time.
+    const double before = t - silent_reports * belief.sigma - (held ? 0.0 : model_.chatter_time);
+    if (!(before > belief.t)) continue;
+    fly_mean(before, belief);
+    if (!(signal().g < 0.0)) {
+      fly_mean(t, belief);
+      continue;
+    }
+    mean(t, belief);
+    at_.look(i, held, t);
+    const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
+    if (at_.of.g < -silent_gaps * deviation) return {i, t};
   }
-  if (known) found.open_until = t;
   return found;
 }
 

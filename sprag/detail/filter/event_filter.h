@@ -84,6 +84,8 @@ class EventFilter {
   const Eigen::VectorXd& publish(double t, const FilterBelief& belief);
   /// The same; with exact event times it computes no deviations.
   const Eigen::VectorXd& publish_mean(double t, const FilterBelief& belief);
+  /// After publish(): whether its deviations hold (PublishedEstimate::is_determined()).
+  bool is_determined() const { return published_.is_determined(); }
   /// The estimate at t with its deviations, without the mixture over unreported events.
   const Eigen::VectorXd& mean(double t, const FilterBelief& belief);
   /// After publish() or mean(): x there, 2n entries.
@@ -122,7 +124,8 @@ class EventFilter {
   struct Point {
     Eigen::VectorXd z;
     double tau = 0.0, spread = 0.0, square = 0.0;
-    bool grazes = false;  // set by find() if the sign of the gap velocity is uncertain
+    bool grazes = false;  // set by find() if the sign of the gap velocity, or of the rate of the
+                          // force, is uncertain
   };
   struct Node {
     double tau = 0.0;  // the event of this hypothesis is at t - tau

@@ -49,6 +49,7 @@ void PublishedEstimate::fly(double t, const FilterBelief& belief) {
 }
 
 void PublishedEstimate::find(double t, const FilterBelief& belief) {
+  determined_ = true;
   fly(t, belief);
   if (belief.bursting != 0) {
     mix_unreported(t, belief);
@@ -79,13 +80,17 @@ void PublishedEstimate::mix_last(double t, const FilterBelief& belief) {
 void PublishedEstimate::mix_unreported(double t, const FilterBelief& belief) {
   const FilterBelief* present = &belief;
   double longest = std::max(t - belief.t, 0.0);
-  for (int i = 0; i < most_unreported; ++i) {
+  for (int i = 0;; ++i) {
     const Unreported event = next(t, longest, *present);
     if (event.contact < 0) return;
+    if (i == most_unreported) {
+      determined_ = event.p < 0.5;
+      return;
+    }
     const ContactSet held = happen(event, t, *present);
     at_->fly(t, present->z, *present);
     mix(event.p);
-    if (event.p < 0.5 || i + 1 == most_unreported) return;
+    if (event.p < 0.5) return;
     // The next event starts from the mixture.
     if (present == &belief) mixed_ = belief;
     present = &mixed_;

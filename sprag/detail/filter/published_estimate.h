@@ -26,6 +26,9 @@ class PublishedEstimate {
 
   /// Writes the mean and the columns at t to at.x, at.X and at.T. Does not allocate.
   void find(double t, const FilterBelief& belief);
+  /// After find(): false if more events than are mixed have probably happened without a report, as
+  /// in a chatter. The state at t is then not known.
+  bool is_determined() const { return determined_; }
 
  private:
   // An unreported event that the mean has reached or is close to.
@@ -49,6 +52,7 @@ class PublishedEstimate {
 
   LinearizedFlight* at_;
   FilterBelief mixed_;
+  bool determined_ = true;
   Eigen::VectorXd x_, earlier_;  // x with the event; its change if the event is earlier
   Eigen::MatrixXd X_;            // columns with the event
   FilterBelief::Rows all_;

@@ -474,7 +474,7 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
   while (state.silence.overdue < 0 && state.silence.next_look <= t) {
     const double now = state.silence.next_look;
     state.silence.next_look = now + until_next_look(now, state);
-    if (now < state.silence.open_until) continue;
+    if (now < std::max(state.silence.open_until, belief.t)) continue;
     if (!filter.can_reach(now, belief)) return false;
     const EventFilter::Overdue found = filter.overdue(now, belief);
     state.silence.overdue = found.contact;
@@ -666,10 +666,10 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (!filter_) return;
   if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
-  if (claims(state)) {
-    const FilterBelief& belief = belief_at(t, state);
-    filter_->filter.publish(t, belief);
-    filter_->fill_deviations(t, belief, confidence);
+  const bool claimed = claims(state);
+  if (claimed) filter_->filter.publish(t, belief_at(t, state));
+  if (claimed && filter_->filter.is_determined()) {
+    filter_->fill_deviations(t, belief_at(t, state), confidence);
   } else {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
