@@ -33,6 +33,7 @@ constexpr int most_placements = 12;
 // Bursts, in sigma: longest interval between two reports of a burst, and half the range of its
 // nodes.
 constexpr double close_reports = 3.0;
+constexpr double separate = 10.0;  // two events, in deviations of the second one's time
 constexpr double burst_reach = 2.5;
 constexpr int burst_nodes = 11;
 // Two contacts count as uncoupled below this: change of one gap velocity by an impulse that changes
@@ -211,6 +212,16 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     if (sigma == 0.0 && unknowns() == 0) break;  // the problem is linear
   }
   return true;
+}
+
+// Whether the belief separates this event from the contact's last one, although their reports are
+// close. Never while recording: all passes of the smoother have the same steps.
+bool EventFilter::resolves(const Event& event, FilterBelief& belief) {
+  if (steps_ != nullptr) return false;
+  at_.spread(belief, event.t - belief.t);
+  if (!find(event, belief)) return false;
+  const double apart = event.t - point_.tau - belief.occurred[event.contact];
+  return apart > close_reports * belief.sigma && apart > separate * point_.spread;
 }
 
 // Finds the event time by the belief, linearized about the motion of `about`. Returns false if that
@@ -575,10 +586,11 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   if (opens && !held) return true;  // forced release by an earlier impact, or a repeated report
   belief.reported[event.contact] = event.t;
   if (since < close_reports * belief.sigma) {
-    if (!opens) return burst(event, belief);
+    if (!opens && (held || !resolves(event, belief))) return burst(event, belief);
     // The contact may have bounced in between. Without a burst and a rebound it was held, and its
     // release is a measurement like any other.
-    if (contains(belief.bursting, event.contact) || belief.rebound[event.contact] > 0.0) {
+    if (opens &&
+        (contains(belief.bursting, event.contact) || belief.rebound[event.contact] > 0.0)) {
       let_go(event.contact, belief);
       return true;
     }

@@ -14,9 +14,10 @@
 //    velocity, impact, flight to the common time. Exact event times need one node.
 // 3. Moment matching collapses the sum to one Gaussian, by one orthogonal factorization.
 //
-// Reports of one contact within 3 sigma of each other are a burst. The filter holds the contact
-// closed over a burst, until a report of a sustained closing or for 3 sigma after the last report.
-// An impact while other contacts are held follows the impact law, which may release them.
+// Reports of one contact within 3 sigma of each other are a burst, unless the belief itself places
+// the events farther apart. The filter holds the contact closed over a burst, until a report of a
+// sustained closing or for 3 sigma after the last report. An impact while other contacts are held
+// follows the impact law, which may release them.
 #pragma once
 
 #include <Eigen/Core>
@@ -171,6 +172,7 @@ class EventFilter {
   void collapse(double largest, int nodes, FilterBelief& belief);
   void describe(const Event& event, int nodes, FilterBelief& belief);
   void keep(Eigen::Index columns, FilterBelief& belief);
+  bool resolves(const Event& event, FilterBelief& belief);
   bool burst(const Event& event, FilterBelief& belief);
   void close(const Event& event, FilterBelief& belief);
   Eigen::Index take_columns();
