@@ -106,10 +106,10 @@ double EventFilter::energy(const Eigen::VectorXd& x) const {
   return flight().twice_energy(x) + flight().twice_energy(at_.X);
 }
 
-// True if the hypothesis places the event before the contact's last event. The gap is zero there as
+// True if the hypothesis places a closing before the contact's last event. The gap is zero there as
 // well, but it is no second impact.
 bool EventFilter::precedes_last(const Event& event, double tau, const FilterBelief& belief) {
-  return event.t - tau < belief.occurred[event.contact];
+  return event.kind != Kind::opens && event.t - tau < belief.occurred[event.contact];
 }
 
 // Initial value of the Gauss-Newton steps where the likelihood may have several maxima: the best of
@@ -130,7 +130,7 @@ void EventFilter::scan(const Event& event, const FilterBelief& belief) {
         (g * v / s2 - tau / square(sigma)) / (1.0 / square(sigma) + square(v) / s2), -half, half);
     g -= v * move;
     tau += move;
-    if (!opens && precedes_last(event, tau, belief)) continue;
+    if (precedes_last(event, tau, belief)) continue;
     const double both = at_.phi.dot(at_.psi);
     const double mean = v - both / s2 * g;
     const double deviation =
@@ -449,7 +449,7 @@ EventFilter::Placement EventFilter::place(const Event& event, double center, dou
     node.tau = center + reach * (nodes > 1 ? 2.0 * i / (nodes - 1) - 1.0 : 0.0);
     condition(event, belief, node);
     if (!(node.log_weight < infinity)) return {center, reach, -infinity};
-    if (nodes > 1 && event.kind != Kind::opens && precedes_last(event, node.tau, belief)) {
+    if (nodes > 1 && precedes_last(event, node.tau, belief)) {
       node.log_weight = -infinity;
     }
     if (node.log_weight > of.largest) of.heaviest = i;
@@ -585,15 +585,14 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   belief.closed = after(belief.closed, given);
   if (opens && !held) return true;  // forced release by an earlier impact, or a repeated report
   belief.reported[event.contact] = event.t;
-  if (since < close_reports * belief.sigma) {
-    if (!opens && (held || !resolves(event, belief))) return burst(event, belief);
-    // The contact may have bounced in between. Without a burst and a rebound it was held, and its
-    // release is a measurement like any other.
-    if (opens &&
-        (contains(belief.bursting, event.contact) || belief.rebound[event.contact] > 0.0)) {
-      let_go(event.contact, belief);
-      return true;
-    }
+  const bool is_close = since < close_reports * belief.sigma;
+  if (is_close && !opens && (held || !resolves(event, belief))) return burst(event, belief);
+  // The contact may have bounced in between. Without a burst and a rebound it was held, and its
+  // release is a measurement like any other.
+  if (is_close && opens &&
+      (contains(belief.bursting, event.contact) || belief.rebound[event.contact] > 0.0)) {
+    let_go(event.contact, belief);
+    return true;
   }
   if (!opens && !contains(flight().independent(belief.held, belief.held | bit(event.contact)),
                           event.contact)) {

@@ -22,6 +22,11 @@ std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   return {std::shared_ptr<Flows>(), of_replica};
 }
 
+// Before this time a check finds no overdue event [s].
+double none_overdue_before(const TrackingState& state) {
+  return std::max(state.belief->t, state.silence.open_until);
+}
+
 }  // namespace
 
 static_assert(Estimator<TrackingEstimator>);
@@ -474,7 +479,7 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
   while (state.silence.overdue < 0 && state.silence.next_look <= t) {
     const double now = state.silence.next_look;
     state.silence.next_look = now + until_next_look(now, state);
-    if (now < std::max(state.silence.open_until, belief.t)) continue;
+    if (now < none_overdue_before(state)) continue;
     if (!filter.can_reach(now, belief)) return false;
     const EventFilter::Overdue found = filter.overdue(now, belief);
     state.silence.overdue = found.contact;
@@ -604,8 +609,8 @@ bool TrackingEstimator::is_believed(const TrackingState& state) {
 // Checks are rare. A sigma is claimed only if no event is overdue at this tick.
 bool TrackingEstimator::claims(const TrackingState& state) const {
   const double t = tick_instant(state.tick, h()).hi;
-  return is_believed(state) && (t < std::max(state.belief->t, state.silence.open_until) ||
-                                filter_->filter.overdue(t, *state.belief).contact < 0);
+  return is_believed(state) &&
+         (t < none_overdue_before(state) || filter_->filter.overdue(t, *state.belief).contact < 0);
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {
@@ -666,11 +671,14 @@ void TrackingEstimator::confidence(const TrackingState& state, double initial,
   if (!filter_) return;
   if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
-  const bool claimed = claims(state);
-  if (claimed) filter_->filter.publish(t, belief_at(t, state));
-  if (claimed && filter_->filter.is_determined()) {
-    filter_->fill_deviations(t, belief_at(t, state), confidence);
-  } else {
+  bool is_known = claims(state);
+  if (is_known) {
+    const FilterBelief& belief = belief_at(t, state);
+    filter_->filter.publish(t, belief);
+    is_known = filter_->filter.is_determined();
+    if (is_known) filter_->fill_deviations(t, belief, confidence);
+  }
+  if (!is_known) {
     confidence.sigma_q.setConstant(infinity);
     confidence.sigma_u.setConstant(infinity);
     confidence.sigma_g.setConstant(infinity);
