@@ -1,7 +1,7 @@
 // The message bus of the processes: raw bytes on named channels over LCM.
 //
 // liblcm sends the messages. Over UDP multicast this class receives them itself from LCM's packets
-// (packet.h, udp_receiver.h), because malformed packets end liblcm 1.3.1. memq://, file:// and
+// (udp_receiver.h), because malformed packets end liblcm 1.3.1. memq://, file:// and
 // tcpq:// are read through liblcm; a log is written (file://LOG?mode=w) by this class. On a host
 // without multicast the constructor fails at once with instructions. With a key every message is
 // signed, and unsigned messages are discarded.
@@ -19,7 +19,7 @@
 
 #include "lcmtypes/key.h"
 #include "lcmtypes/lcm_url.h"
-#include "lcmtypes/packet.h"
+#include "lcmtypes/udp_receiver.h"
 #include "sprag/error.h"
 
 namespace sprag {

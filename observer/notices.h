@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <iosfwd>
 
-#include "recording/continuity.h"
+#include "recording/session_tracker.h"
 #include "sprag/detail/events/contact_message.h"
 #include "sprag/detail/events/event_history.h"
 

@@ -1,10 +1,9 @@
-#include "recording/continuity.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <functional>
 
+#include "recording/session_tracker.h"
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {

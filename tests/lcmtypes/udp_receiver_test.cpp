@@ -1,4 +1,4 @@
-#include "lcmtypes/packet.h"
+#include "lcmtypes/udp_receiver.h"
 
 #include <gtest/gtest.h>
 
