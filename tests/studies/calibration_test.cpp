@@ -486,6 +486,17 @@ TEST(Calibration, CloseReportsOfSeparateImpactsAreNoBurst) {
 // the filter's mean is negative, and may rise through zero later.
 TEST(Calibration, OpeningIsWhereTheForceFalls) { expect_below_replica("chatter:2", 1e-5); }
 
+// An impact is reported late by 2.3 jitters. By then a fast mode has turned the mean inside the
+// support, so that its gap is negative and rises.
+TEST(Calibration, UnreportedImpactIsFoundWhereTheMeanHasTurned) {
+  Options options;
+  options.seeds = 12;
+  study(machines("random:21").front(), {1e-2}, {EstimatorKind::both}, options, [](const Row& row) {
+    std::cout << table_row(row);
+    EXPECT_LT(row.summary.state.mean_square(), 1.6);
+  });
+}
+
 // Long after the start a report with this jitter contains no new information. The covariance then
 // follows the machine's flow through impacts and releases. Difference quotients of a master's runs
 // give the same covariance.

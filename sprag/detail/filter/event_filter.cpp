@@ -921,33 +921,34 @@ EventFilter::Crossing EventFilter::crossing(int contact, double t, const FilterB
 
 // An event is overdue if a gap, or the force of a held contact, is negative beyond its deviation
 // and has been negative for longer than a report can be late.
-EventFilter::Overdue EventFilter::overdue(double t, const FilterBelief& belief) {
-  Overdue found{-1, belief.held == 0 ? infinity : t};
+int EventFilter::overdue(double t, const FilterBelief& belief) {
   fly_mean(t, belief);
   for (int i = 0; i < flight().contacts(); ++i) {
     const bool held = contains(belief.held, i);
     // Of several held contacts a force may be negative (holds_together() in master.h).
     if (held && belief.held != bit(i)) continue;
-    const auto signal = [&] { return held ? flight().force(i) : flight().gap(i); };
-    const Flight::Gap present = signal();
-    if (found.open_until > t) {
-      found.open_until = std::min(found.open_until, t + flight().open_for(i, present));
-    }
-    if (!(present.g < 0.0)) continue;
+    const auto signal = [&] { return held ? flight().force(i).g : flight().gap(i).g; };
+    if (!(signal() < 0.0)) continue;
     // The master does not report the bounces of a completed chatter, which last up to chatter_time.
     const double before = t - silent_reports * belief.sigma - (held ? 0.0 : model_.chatter_time);
     if (!(before > belief.t)) continue;
-    fly_mean(before, belief);
-    if (!(signal().g < 0.0)) {
-      fly_mean(t, belief);
-      continue;
-    }
     mean(t, belief);
     at_.look(i, held, t);
     const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
-    if (at_.of.g < -silent_gaps * deviation) return {i, t};
+    if (!(at_.of.g < -silent_gaps * deviation)) continue;
+    fly_mean(before, belief);
+    if (signal() < 0.0) return i;
+    fly_mean(t, belief);
   }
-  return found;
+  return -1;
+}
+
+double EventFilter::open_until(double t, const FilterBelief& belief) {
+  if (belief.held != 0) return t;
+  for (int i = 0; i < flight().contacts(); ++i) {
+    if (!(flight().gap(i).g > 0.0)) return t;
+  }
+  return t + flight().open_for();
 }
 
 }  // namespace sprag

@@ -111,12 +111,11 @@ class EventFilter {
   };
   Crossing crossing(int contact, double t, const FilterBelief& belief);
 
-  struct Overdue {
-    int contact = -1;         ///< contact whose event is overdue beyond doubt, -1: none
-    double open_until = 0.0;  ///< no gap of the mean is negative before this time [s]
-  };
-  /// Checks at t whether an event is overdue. Does not allocate.
-  Overdue overdue(double t, const FilterBelief& belief);
+  /// Contact whose event is overdue at t beyond doubt, -1: none. Does not allocate.
+  int overdue(double t, const FilterBelief& belief);
+  /// After overdue(t): time before which no gap of the mean becomes negative, as far as a search of
+  /// bounded cost shows; t where a contact is held or a gap is not positive. Does not allocate.
+  double open_until(double t, const FilterBelief& belief);
 
  private:
   enum class Kind { impact, stays, opens };

@@ -43,7 +43,7 @@ class FamilyFlight final : public Flight {
   double largest_frequency() const override;
   double smallest_frequency() const override;
   Gap gap(int contact) const override { return gap(contact, centre()); }
-  double open_for(int, const Gap&) const override { return 0.0; }
+  double open_for() override { return 0.0; }
   /// g is w^T w lambda.
   Gap force(int contact) const override { return force(contact, centre()); }
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;

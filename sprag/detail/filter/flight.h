@@ -68,9 +68,9 @@ class Flight {
     double rounding = 0.0;  ///< magnitude to which the rounding error of g is proportional
   };
   virtual Gap gap(int contact) const = 0;
-  /// After fly(): time for which the gap, gap(contact), stays positive without a closed contact, at
-  /// least; 0: not known.
-  virtual double open_for(int contact, const Gap& gap) const = 0;
+  /// After a free fly(): time for which all gaps stay positive without a closed contact, as far as
+  /// a search of bounded cost shows. All gaps must be positive.
+  virtual double open_for() = 0;
   /// A quantity with the zeros of a held contact's force, as g, and its rate, as velocity.
   virtual Gap force(int contact) const = 0;
   /// Gradients by x of g and of its velocity, 2n entries each, of gap() or of force(). For force()

@@ -45,6 +45,8 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
   for (Eigen::VectorXd* of : {&u_before_, &difference_}) of->setZero(f_);
   gaps_.setZero(contacts());
   closings_.reserve(static_cast<std::size_t>(contacts()));
+  for (int i = 0; i < contacts(); ++i) gaps_to_watch_.push_back({&flow.gap(i), 1.0, 0, i});
+  search_.reserve(gaps_to_watch_.size(), flow.size());
   for (Eigen::VectorXd* of : {&direction_, &by_velocity_, &by_time_, &rates_}) of->setZero(2 * f_);
 }
 
@@ -62,9 +64,11 @@ ContactSet ModelFlight::independent(ContactSet first, ContactSet closed) const {
 }
 
 void ModelFlight::set_motion(const ConstVector& x, double t) {
-  motion_.t = at(t);
   motion_.x.z.segment(first_, f_) = x.head(f_).array();
   motion_.x.v.segment(first_, f_) = x.tail(f_).array();
+  // A streamed input may have new samples at the same time.
+  if (motion_.t.hi == t && motion_.t.lo == 0.0 && free().sampled() == nullptr) return;
+  motion_.t = at(t);
   free().set_phases(motion_.t, motion_.x);
 }
 
@@ -77,7 +81,7 @@ void ModelFlight::move(double tau, ContactSet held) {
   const Flow* flow = held == 0 ? nullptr : flows_->find(held);
   if (flow == nullptr) {
     held_ = 0;
-    free().propagate(motion_, end, motion_);
+    if (tau != 0.0) free().propagate(motion_, end, motion_);
   } else {
     free().state(motion_, q_, u_);
     // A held gap that is not exactly zero keeps its value.
@@ -155,15 +159,17 @@ Flight::Gap ModelFlight::gap(int contact) const {
   return gap;
 }
 
-// The first positive root of g - v t, and that of g + velocity t - a t^2 / 2, where v and a are the
-// largest velocity and acceleration that the energies of the modes permit.
-double ModelFlight::open_for(int contact, const Gap& gap) const {
-  const double g = gap.g, velocity = gap.velocity;
-  if (!(g > 0.0)) return 0.0;
-  const auto [v, a] = largest_later(free().gap_velocity(contact), motion_);
-  if (!(a < infinity)) return g / v;
-  const double root = std::sqrt(square(velocity) + 2.0 * a * g);
-  return std::max(g / v, velocity > 0.0 ? (velocity + root) / a : 2.0 * g / (root - velocity));
+double ModelFlight::open_for() {
+  constexpr int most_expansions = 16;
+  // Under a sampled input the search stops at every sample.
+  if (free().sampled() != nullptr) return 0.0;
+  search_.begin(motion_, gaps_to_watch_);
+  for (int i = 0; i < most_expansions; ++i) {
+    const double open = search_.certified();
+    if (search_.found() || open == infinity) return open;
+    search_.advance(open);
+  }
+  return search_.certified();
 }
 
 Flight::Gap ModelFlight::force(int contact) const {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "sprag/detail/filter/flight.h"
+#include "sprag/detail/mechanics/event_search.h"
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/replica/active_impact.h"
 
@@ -34,7 +35,7 @@ class ModelFlight final : public Flight {
   double largest_frequency() const override { return fastest_; }
   double smallest_frequency() const override { return slowest_; }
   Gap gap(int contact) const override;
-  double open_for(int contact, const Gap& gap) const override;
+  double open_for() override;
   Gap force(int contact) const override;
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int contact, Vector of) const override;
@@ -71,6 +72,8 @@ class ModelFlight final : public Flight {
   Motion motion_, closed_;                 // on the free flow; on the flow of held_
   ContactSet held_ = 0;
   double tau_ = 0.0;  // of the last flight
+  EventSearch search_;
+  std::vector<Watch> gaps_to_watch_;
   bool kernels_known_ = false;
   OscillatorKernels kernels_, turn_;
   // Impact of strike(): x += -change_ gamma direction_.

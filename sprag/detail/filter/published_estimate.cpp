@@ -19,8 +19,10 @@ constexpr double last_reach = 6.0;
 constexpr double near_zero = 8.0;
 // Least probability of either case: the tails of a predicted time are not Gaussian.
 constexpr double least_probability = 1e-3;
-constexpr int crossing_steps = 4;
-constexpr int looks = 16, halvings = 30;  // search for the time of an opening
+// Search for the time at which a gap or a force fell below zero.
+constexpr int looks = 16, halvings = 30;
+// An opening gap that was negative for this share of the time since the last event has not fallen.
+constexpr double always = 1.0 - 1e-6;
 
 // Probability that an event has happened, given that no report has come. `beyond`: the mean's
 // distance past the event, in deviations of the gap. `ago`: time since then, in deviations of a
@@ -116,14 +118,19 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     if (opens ? contains(belief.bursting, i) : !flight().can_strike(i, belief.held)) continue;
     if (moved) at_->fly(t, belief.z, belief);
     moved = false;
-    if (!opens && !(flight().gap(i).velocity < 0.0)) continue;
+    const Flight::Gap present = opens ? flight().force(i) : flight().gap(i);
+    const double g = present.g;
+    const bool falls = present.velocity < 0.0;
+    if (g > 0.0 && !falls) continue;
     at_->look(i, opens, t);
-    const double g = at_->of.g, s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
-    if (!(g < near_zero * s) || (g > 0.0 && !(at_->of.velocity < 0.0))) continue;
+    const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
+    if (!(g < near_zero * s)) continue;
     double ago = 0.0;
     if (g < 0.0) {
       moved = true;
-      ago = opens ? since_opening(i, t, longest, belief) : since_impact(i, t, longest, belief);
+      ago = since_zero(i, opens, t, longest, belief);
+      // The contact has just been hit, and its gap is not known to be positive yet.
+      if (!opens && !falls && ago > always * longest) continue;
     }
     const double p = probability(-g / s, ago / belief.sigma);
     if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
@@ -133,38 +140,25 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   return first;
 }
 
-// Time since the gap of the mean reached zero, at most `longest`.
-double PublishedEstimate::since_impact(int contact, double t, double longest,
-                                       const FilterBelief& belief) {
-  double ago = 0.0;
-  for (int i = 0; i < crossing_steps; ++i) {
-    const Flight::Gap gap = flight().gap(contact);
-    if (!(gap.velocity < 0.0)) return 0.0;
-    ago += gap.g / gap.velocity;
-    if (!(ago > 0.0 && ago < longest)) break;
-    flight().fly(belief.z.head(2 * at_->n()), belief.t, t - ago - belief.t, belief.held);
-  }
-  return std::clamp(ago, 0.0, longest);
-}
-
-// Time since the contact force on the path of the mean fell below zero, at most `longest`.
-double PublishedEstimate::since_opening(int contact, double t, double longest,
-                                        const FilterBelief& belief) {
+// Time since the gap of the mean, or the force of a held contact, fell below zero; at most
+// `longest`, where it was negative all the time.
+double PublishedEstimate::since_zero(int contact, bool of_force, double t, double longest,
+                                     const FilterBelief& belief) {
   const double step = longest / looks;
-  const auto force_at = [&](double ago) {
+  const auto is_negative = [&](double ago) {
     flight().fly(belief.z.head(2 * at_->n()), belief.t, t - ago - belief.t, belief.held);
-    return flight().force(contact).g;
+    return (of_force ? flight().force(contact).g : flight().gap(contact).g) < 0.0;
   };
-  double open = 0.0, held = 0.0;
-  while (force_at(held) < 0.0 && held < longest) {
-    open = held;
-    held = std::min(held + step, longest);
+  double after = 0.0, before = 0.0;
+  while (before < longest && is_negative(before)) {
+    after = before;
+    before = std::min(before + step, longest);
   }
-  for (int i = 0; i < halvings && held > open; ++i) {
-    const double middle = 0.5 * (open + held);
-    (force_at(middle) < 0.0 ? open : held) = middle;
+  for (int i = 0; i < halvings && before > after; ++i) {
+    const double middle = 0.5 * (after + before);
+    (is_negative(middle) ? after : before) = middle;
   }
-  return open;
+  return after;
 }
 
 // Computes the estimate at t with the event, into x_ and X_.

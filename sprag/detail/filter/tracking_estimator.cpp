@@ -22,11 +22,6 @@ std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
   return {std::shared_ptr<Flows>(), of_replica};
 }
 
-// Before this time a check finds no overdue event [s].
-double none_overdue_before(const TrackingState& state) {
-  return std::max(state.belief->t, state.silence.open_until);
-}
-
 }  // namespace
 
 static_assert(Estimator<TrackingEstimator>);
@@ -122,10 +117,9 @@ std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
   if (identifies()) return 0;
   if (state.belief && state.track.status != TrackStatus::lost) {
     // Up to the next event that watch() must handle.
-    const double until = std::min(state.silence.overdue < 0
-                                      ? std::max(state.silence.next_look, state.silence.open_until)
-                                      : state.silence.missing_from,
-                                  EventFilter::end_of_burst(*state.belief));
+    const double until =
+        std::min(state.silence.overdue < 0 ? state.silence.next_look : state.silence.missing_from,
+                 EventFilter::end_of_burst(*state.belief));
     const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
     if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
   }
@@ -479,12 +473,15 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
   while (state.silence.overdue < 0 && state.silence.next_look <= t) {
     const double now = state.silence.next_look;
     state.silence.next_look = now + until_next_look(now, state);
-    if (now < none_overdue_before(state)) continue;
+    if (!(now > belief.t)) continue;
     if (!filter.can_reach(now, belief)) return false;
-    const EventFilter::Overdue found = filter.overdue(now, belief);
-    state.silence.overdue = found.contact;
-    state.silence.open_until = found.open_until;
-    if (state.silence.overdue < 0) continue;
+    state.silence.overdue = filter.overdue(now, belief);
+    if (state.silence.overdue < 0) {
+      state.silence.open_until = filter.open_until(now, belief);
+      state.silence.next_look =
+          state.silence.open_until + until_next_look(state.silence.open_until, state);
+      continue;
+    }
     state.silence.overdue_since = state.silence.missing_from = now;
     if (contains(belief.held, state.silence.overdue)) continue;
     const double crossing = filter_->crossing_before(now, state.silence.overdue, belief);
@@ -606,11 +603,12 @@ bool TrackingEstimator::is_believed(const TrackingState& state) {
   return state.track.status == TrackStatus::confirmed && state.silence.overdue < 0;
 }
 
-// Checks are rare. A sigma is claimed only if no event is overdue at this tick.
+// Checks are rare. A sigma is claimed only if no event is overdue at this tick. None is before the
+// estimated time of the last event, and while all gaps are known to be positive.
 bool TrackingEstimator::claims(const TrackingState& state) const {
   const double t = tick_instant(state.tick, h()).hi;
-  return is_believed(state) &&
-         (t < none_overdue_before(state) || filter_->filter.overdue(t, *state.belief).contact < 0);
+  return is_believed(state) && (t < std::max(state.belief->t, state.silence.open_until) ||
+                                filter_->filter.overdue(t, *state.belief) < 0);
 }
 
 bool TrackingEstimator::shows_filter(const TrackingState& state) const {

@@ -273,32 +273,6 @@ double second_rate(const Signal& signal, const Motion& motion) {
   return sum;
 }
 
-// About the rest position alpha / kappa, |p z + r z'| <= sqrt((p^2 / kappa + r^2) E) with E = kappa
-// z^2 + z'^2, and the rate has p' = -kappa r, r' = p - 2 delta r. Without stiffness z'' decays.
-LargestLater largest_later(const Signal& signal, const Motion& motion) {
-  const Flow& flow = *motion.flow;
-  if (!flow.drives().all().empty() || flow.sampled() != nullptr) return {infinity, infinity};
-  const Oscillators& o = flow.oscillators();
-  LargestLater sum{std::abs(signal.constant + signal.held.dot(motion.held)), 0.0};
-  for (Eigen::Index i = 0; i < flow.size(); ++i) {
-    const double p = signal.p[i], r = signal.r[i], v = motion.x.v[i], alpha = motion.alpha[i];
-    const double kappa = o.kappa()[i], damping = 2.0 * o.delta()[i];
-    if (p == 0.0 && r == 0.0) continue;
-    if (kappa > 0.0) {
-      const double rest = alpha / kappa;
-      const double E = kappa * square(motion.x.z[i] - rest) + square(v);
-      sum.value += std::abs(p * rest) + std::sqrt((square(p) / kappa + square(r)) * E);
-      sum.rate += std::sqrt((square(r) * kappa + square(p - damping * r)) * E);
-    } else if (p != 0.0) {
-      return {infinity, infinity};
-    } else {
-      sum.value += alpha == 0.0 ? std::abs(r * v) : infinity;
-      sum.rate += std::abs(r * (alpha - damping * v));
-    }
-  }
-  return sum;
-}
-
 double largest_terms(const Signal& signal, const Motion& motion) {
   return std::abs(signal.constant) + (signal.p * motion.x.z).abs().sum() +
          (signal.r * motion.x.v).abs().sum();

@@ -192,14 +192,6 @@ double value(const Signal& signal, const Motion& motion);
 double rate(const Signal& signal, const Motion& motion);
 double second_rate(const Signal& signal, const Motion& motion);
 
-/// Bounds on the absolute value of a signal and of its rate at this and all later times of the
-/// motion on its flow, from the energies of the oscillators, which do not grow. Infinity where a
-/// drive or a sampled input acts, and where a rigid motion may grow.
-struct LargestLater {
-  double value = 0.0, rate = 0.0;
-};
-LargestLater largest_later(const Signal& signal, const Motion& motion);
-
 /// Sum of the absolute terms of a signal, which scales its rounding error.
 double largest_terms(const Signal& signal, const Motion& motion);
 
