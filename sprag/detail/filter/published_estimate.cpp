@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
+#include "sprag/detail/filter/fall.h"
 #include "sprag/detail/filter/flux.h"
 #include "sprag/detail/filter/triangularize.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -19,10 +21,10 @@ constexpr double last_reach = 6.0;
 constexpr double near_zero = 8.0;
 // Least probability of either case: the tails of a predicted time are not Gaussian.
 constexpr double least_probability = 1e-3;
-// Search for the time at which a gap or a force fell below zero.
-constexpr int looks = 16, halvings = 30;
-// An opening gap that was negative for this share of the time since the last event has not fallen.
-constexpr double always = 1.0 - 1e-6;
+// Search for the time at which a gap or a force fell below zero: number of looks, and how late a
+// report can be, in its deviations.
+constexpr int looks = 16;
+constexpr double latest_report = 8.0;
 
 // Probability that an event has happened, given that no report has come. `beyond`: the mean's
 // distance past the event, in deviations of the gap. `ago`: time since then, in deviations of a
@@ -119,20 +121,25 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     if (moved) at_->fly(t, belief.z, belief);
     moved = false;
     const Flight::Gap present = opens ? flight().force(i) : flight().gap(i);
-    const double g = present.g;
     const bool falls = present.velocity < 0.0;
-    if (g > 0.0 && !falls) continue;
-    at_->look(i, opens, t);
-    const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
-    if (!(g < near_zero * s)) continue;
-    double ago = 0.0;
-    if (g < 0.0) {
+    std::optional<Fall> fall;
+    if (const double back = look_back(present, longest, belief); back > 0.0) {
       moved = true;
-      ago = since_zero(i, opens, t, longest, belief);
-      // The contact has just been hit, and its gap is not known to be positive yet.
-      if (!opens && !falls && ago > always * longest) continue;
+      fall = latest_fall(t - back, t, looks, [&](double then) {
+        flight().fly(belief.z.head(2 * at_->n()), belief.t, then - belief.t, belief.held);
+        return (opens ? flight().force(i) : flight().gap(i)).g;
+      });
     }
-    const double p = probability(-g / s, ago / belief.sigma);
+    if (!fall && !falls) continue;
+    // The contact has just been hit, and its gap is not known to be positive yet.
+    if (fall && !opens && fall->t <= t - longest && !(falls && present.g < 0.0)) continue;
+    const double lowest = fall ? fall->lowest : present.g, ago = fall ? t - fall->t : 0.0;
+    const double when = fall ? fall->lowest_at : t;
+    if (moved) at_->fly(when, belief.z, belief);
+    at_->look(i, opens, when);
+    const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
+    if (!(lowest < near_zero * s)) continue;
+    const double p = probability(-lowest / s, ago / belief.sigma);
     if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
     first = {i, opens, ago, p};
   }
@@ -140,25 +147,15 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   return first;
 }
 
-// Time since the gap of the mean, or the force of a held contact, fell below zero; at most
-// `longest`, where it was negative all the time.
-double PublishedEstimate::since_zero(int contact, bool of_force, double t, double longest,
-                                     const FilterBelief& belief) {
-  const double step = longest / looks;
-  const auto is_negative = [&](double ago) {
-    flight().fly(belief.z.head(2 * at_->n()), belief.t, t - ago - belief.t, belief.held);
-    return (of_force ? flight().force(contact).g : flight().gap(contact).g) < 0.0;
-  };
-  double after = 0.0, before = 0.0;
-  while (before < longest && is_negative(before)) {
-    after = before;
-    before = std::min(before + step, longest);
-  }
-  for (int i = 0; i < halvings && before > after; ++i) {
-    const double middle = 0.5 * (after + before);
-    (is_negative(middle) ? after : before) = middle;
-  }
-  return after;
+// How far to look back for a zero of a gap or a force, at most `longest` [s]; 0 if it cannot have
+// been negative. A report is late by a few sigma at most, so an older recovery is none.
+double PublishedEstimate::look_back(const Flight::Gap& present, double longest,
+                                    const FilterBelief& belief) {
+  if (present.g < 0.0) return longest;
+  const double back = std::min(longest, latest_report * belief.sigma);
+  const double change =
+      std::abs(present.velocity) * back + std::abs(present.acceleration) * square(back);
+  return present.g < 2.0 * change ? back : 0.0;
 }
 
 // Computes the estimate at t with the event, into x_ and X_.

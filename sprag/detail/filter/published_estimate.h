@@ -44,8 +44,7 @@ class PublishedEstimate {
   void mix_last(double t, const FilterBelief& belief);
   void mix_unreported(double t, const FilterBelief& belief);
   Unreported next(double t, double longest, const FilterBelief& belief);
-  double since_zero(int contact, bool of_force, double t, double longest,
-                    const FilterBelief& belief);
+  static double look_back(const Flight::Gap& present, double longest, const FilterBelief& belief);
   ContactSet happen(const Unreported& event, double t, const FilterBelief& belief);
   void find_earlier(int contact, double t, double ago, const FilterBelief& belief);
   void mix(double p);

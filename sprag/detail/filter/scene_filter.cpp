@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <utility>
 
 #include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/filter/fall.h"
 #include "sprag/detail/filter/family_flight.h"
 #include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
@@ -185,26 +187,12 @@ SceneFilter::LastFlight SceneFilter::last_flight(int contact, double t,
 }
 
 double SceneFilter::crossing_before(double t, int contact, const FilterBelief& belief) {
-  const auto gap_at = [&](double when) {
+  constexpr int looks = 64;
+  const std::optional<Fall> fall = latest_fall(belief.t, t, looks, [&](double when) {
     filter.fly_mean(when, belief);
     return filter.gap(contact);
-  };
-  constexpr int looks = 64, halvings = 40;
-  const double step = (t - belief.t) / looks;
-  double inside = t, outside = t;
-  for (int i = 1; i < looks && outside == t; ++i) {
-    if (gap_at(t - i * step) < 0.0) {
-      inside = t - i * step;
-    } else {
-      outside = t - i * step;
-    }
-  }
-  if (outside == t) return -infinity;
-  for (int i = 0; i < halvings; ++i) {
-    const double middle = 0.5 * (outside + inside);
-    (gap_at(middle) < 0.0 ? inside : outside) = middle;
-  }
-  return inside;
+  });
+  return fall && fall->t > belief.t ? fall->t : -infinity;
 }
 
 void SceneFilter::publish(double t, const FilterBelief& of, Eigen::Ref<Eigen::VectorXd> of_q,
