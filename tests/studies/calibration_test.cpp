@@ -508,6 +508,10 @@ TEST(Calibration, UnreportedOpeningIsFoundWhereTheForceHasTurned) {
   expect_mean_square_below(200.0, "chatter:2", 1e-2);
 }
 
+// Both contacts are hit within the jitter, and both reports are early. Where an estimate without
+// both impacts would be needed, none is claimed; the mean square is 350 otherwise.
+TEST(Calibration, TwoEarlyReportsAreUnknown) { expect_mean_square_below(3.0, "chatter:6", 1e-2); }
+
 // Long after the start a report with this jitter contains no new information. The covariance then
 // follows the machine's flow through impacts and releases. Difference quotients of a master's runs
 // give the same covariance.

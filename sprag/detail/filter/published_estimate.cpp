@@ -53,7 +53,7 @@ void PublishedEstimate::fly(double t, const FilterBelief& belief) {
 }
 
 void PublishedEstimate::find(double t, const FilterBelief& belief) {
-  determined_ = true;
+  determined_ = !another_is_later(t, belief);
   fly(t, belief);
   if (belief.bursting != 0) {
     mix_unreported(t, belief);
@@ -68,6 +68,13 @@ void PublishedEstimate::find(double t, const FilterBelief& belief) {
   const bool is_recent = s > 0.0 && t < belief.impact.time + last_reach * s;
   if (belief.sigma > 0.0 && !(is_recent && t < belief.impact.time)) mix_unreported(t, belief);
   if (is_recent) mix_last(t, belief);
+}
+
+// Whether a contact's event that was received before the last one is estimated to be later than t.
+// The case before it is not mixed in.
+bool PublishedEstimate::another_is_later(double t, const FilterBelief& belief) {
+  return std::any_of(belief.occurred.begin(), belief.occurred.end(),
+                     [&](double occurred) { return occurred > t && occurred != belief.t; });
 }
 
 // Mixes in the case that the last event is later than t.
@@ -88,7 +95,7 @@ void PublishedEstimate::mix_unreported(double t, const FilterBelief& belief) {
     const Unreported event = next(t, longest, *present);
     if (event.contact < 0) return;
     if (i == most_unreported) {
-      determined_ = event.p < 0.5;
+      determined_ = determined_ && event.p < 0.5;
       return;
     }
     const ContactSet held = happen(event, t, *present);

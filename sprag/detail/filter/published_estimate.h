@@ -26,8 +26,9 @@ class PublishedEstimate {
 
   /// Writes the mean and the columns at t to at.x, at.X and at.T. Does not allocate.
   void find(double t, const FilterBelief& belief);
-  /// After find(): false if more events than are mixed have probably happened without a report, as
-  /// in a chatter. The state at t is then not known.
+  /// After find(): false if the state at t is not known, because more events than are mixed have
+  /// probably happened without a report, as in a chatter, or because two events of different
+  /// contacts were reported before they happened.
   bool is_determined() const { return determined_; }
 
  private:
@@ -41,6 +42,7 @@ class PublishedEstimate {
 
   Flight& flight() const { return at_->flight(); }
   void fly(double t, const FilterBelief& belief);
+  static bool another_is_later(double t, const FilterBelief& belief);
   void mix_last(double t, const FilterBelief& belief);
   void mix_unreported(double t, const FilterBelief& belief);
   Unreported next(double t, double longest, const FilterBelief& belief);
