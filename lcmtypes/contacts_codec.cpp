@@ -11,8 +11,6 @@ static_assert(contacts_message_size == 1272);
 
 namespace {
 
-constexpr std::int64_t largest_number = std::int64_t{1} << 53;
-
 bool is_number(std::int64_t n) { return n >= 0 && n <= largest_number; }
 
 bool is_time(double t) { return std::isfinite(t) && t >= 0.0; }

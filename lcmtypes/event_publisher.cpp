@@ -13,6 +13,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
 #include "lcmtypes/input_sender.h"
+#include "lcmtypes/refusal.h"
 
 namespace sprag {
 namespace {
@@ -22,8 +23,6 @@ using Clock = ContactSender::Clock;
 // If the watermark of a paced machine stays the same in more messages than this, observers conclude
 // that its run has ended.
 constexpr int most_repeats = 2;
-
-constexpr std::int64_t end_of_samples = std::int64_t{1} << 53;
 
 // Observers refuse finite speeds above this limit as damaged.
 double checked_speed(double speed) {
@@ -98,7 +97,7 @@ class EventPublisher::Core {
   }
 
   bool take_sample(std::int64_t k, double value) {
-    if (k < 0 || k >= end_of_samples || !std::isfinite(value)) {
+    if (k < 0 || k >= largest_number || !std::isfinite(value)) {
       throw std::invalid_argument("sample " + std::to_string(k) + " is " + std::to_string(value) +
                                   "; must be finite, with a number from 0 to 2^53 - 1");
     }

@@ -11,10 +11,8 @@ static_assert(input_message_size < 1400);
 
 namespace {
 
-constexpr std::int64_t largest_input_number = std::int64_t{1} << 53;
-
 Refusal check_head(const InputMessage& message) {
-  const auto is_number = [](std::int64_t n) { return n >= 0 && n <= largest_input_number; };
+  const auto is_number = [](std::int64_t n) { return n >= 0 && n <= largest_number; };
   if (!std::isfinite(message.t0) || !std::isfinite(message.dt) || !(message.dt > 0.0)) {
     return Refusal::bad_time;
   }

@@ -1,6 +1,7 @@
 // Reasons to refuse a message. Senders on the bus are not authenticated, so any bytes may arrive.
 #pragma once
 
+#include <cstdint>
 #include <string_view>
 
 namespace sprag {
@@ -18,6 +19,10 @@ enum class Refusal {
   bad_speed,    ///< not a number, or not positive
   bad_value     ///< another value out of range, for example a coordinate that is not finite
 };
+
+/// Larger numbers of messages, records and samples are refused: doubles represent no larger
+/// integers exactly.
+inline constexpr std::int64_t largest_number = std::int64_t{1} << 53;
 
 inline constexpr int refusal_kinds = 11;
 

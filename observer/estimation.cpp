@@ -65,8 +65,9 @@ void Estimation::restart(const ContactMessage& message) {
   time_line.restart(message);
 }
 
-bool Estimation::receive(const ContactMessage& message) {
-  return (stream && stream->restarts_after(message)) || time_line.receive(message);
+bool Estimation::receive(const ContactMessage& message, bool resumes) {
+  if (stream && stream->restarts_after(message)) return true;
+  return resumes ? time_line.resume(message) : time_line.receive(message);
 }
 
 void Estimation::set_end(double t) {

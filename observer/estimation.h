@@ -40,9 +40,10 @@ struct Estimation {
 
   /// Starts from the first message of a session.
   void restart(const ContactMessage& message);
-  /// Takes a message that continues the session. True: the time line has restarted, since the
-  /// streamed input begins late or after a long gap.
-  bool receive(const ContactMessage& message);
+  /// Takes a message that continues the session, or resumes it after a jump of the machine's clock
+  /// or counts. True: the time line has restarted, since the streamed input begins late, after a
+  /// long gap, or after a jump.
+  bool receive(const ContactMessage& message, bool resumes);
 
   /// Sets the end of the run: no tick after t will be requested.
   void set_end(double t);

@@ -192,8 +192,7 @@ void RealTimeLoop::receive_events(const ContactMessage& message, bool after_a_lo
   std::size_t known = time_line_.events().events().size();
   const std::int64_t present = time_line_.now();
   const EventCounts before = time_line_.events().counts();
-  const bool again = (estimation_.stream && estimation_.stream->restarts_after(message)) ||
-                     (resumed ? time_line_.resume(message) : time_line_.receive(message));
+  const bool again = estimation_.receive(message, resumed);
   raise_skipped(time_line_.events(), before, notices_);
   const auto& events = time_line_.events().events();
   if (again) {

@@ -157,10 +157,10 @@ class Replay {
         break;
       case SessionTracker::Verdict::resumes:
         notices_.raise(Notice::resumed, 1, time_line_.events().horizon(), report.horizon);
-        time_line_.resume(report);
+        estimation_.receive(report, true);
         break;
       case SessionTracker::Verdict::continues:
-        estimation_.receive(report);
+        estimation_.receive(report, false);
         break;
     }
     raise_skipped(time_line_.events(), before, notices_);

@@ -4,10 +4,11 @@
 #include <cmath>
 #include <cstdio>
 
+#include "lcmtypes/refusal.h"
+
 namespace sprag {
 
 InputGrid::Place InputGrid::take(double t) {
-  constexpr double most_samples = 9007199254740992.0;  // 2^53
   Place place;
   if (!t0_) {
     t0_ = t;
@@ -16,7 +17,7 @@ InputGrid::Place InputGrid::take(double t) {
   }
   const double since = (t - *t0_) / dt_;
   const double nearest = std::round(since);
-  if (!(nearest < most_samples)) {
+  if (!(nearest < static_cast<double>(largest_number))) {
     place.problem = "the time of the sample is too large";
   } else if (nearest < static_cast<double>(next_)) {
     place.problem = "there is a sample of this time or a later one already";

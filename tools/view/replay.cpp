@@ -72,10 +72,10 @@ class OwnObserver {
         estimation_.restart(message);
         break;
       case SessionTracker::Verdict::resumes:
-        estimation_.time_line.resume(message);
+        estimation_.receive(message, true);
         break;
       case SessionTracker::Verdict::continues:
-        estimation_.receive(message);
+        estimation_.receive(message, false);
         break;
     }
     sample_.session = message.session;
