@@ -154,8 +154,9 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   return first;
 }
 
-// How far to look back for a zero of a gap or a force, at most `longest` [s]; 0 if it cannot have
-// been negative. A report is late by a few sigma at most, so an older recovery is none.
+// How far to look back for the time at which a gap or a force fell below zero, at most `longest`
+// [s]; 0 if it cannot have been negative. If it has been positive again for longer than a report is
+// late, there was no event.
 double PublishedEstimate::look_back(const Flight::Gap& present, double longest,
                                     const FilterBelief& belief) {
   if (present.g < 0.0) return longest;
