@@ -38,7 +38,8 @@ void encode(const InputMessage& message, EncodedInput& bytes) noexcept {
   put(to, message.total);
   put(to, std::int32_t{message.channels});
   put(to, std::int32_t{message.n});
-  const auto used = static_cast<std::size_t>(message.n * message.channels);
+  const auto used =
+      static_cast<std::size_t>(message.n) * static_cast<std::size_t>(message.channels);
   for (std::size_t i = 0; i < message.value.size(); ++i) put(to, i < used ? message.value[i] : 0.0);
 }
 
@@ -57,7 +58,8 @@ Refusal decode(std::span<const std::uint8_t> bytes, InputMessage& message) noexc
   message.channels = take<std::int32_t>(from);
   message.n = take<std::int32_t>(from);
   if (const Refusal refusal = check_head(message); refusal != Refusal::none) return refusal;
-  const auto used = static_cast<std::size_t>(message.n * message.channels);
+  const auto used =
+      static_cast<std::size_t>(message.n) * static_cast<std::size_t>(message.channels);
   for (std::size_t i = 0; i < used; ++i) {
     message.value[i] = take<double>(from);
     if (!std::isfinite(message.value[i])) return Refusal::bad_value;

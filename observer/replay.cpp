@@ -288,11 +288,13 @@ EventsFile read_checked(InputFile file, const Scene& scene, const ObserverOption
 int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayOptions& replay,
                const CommonOptions& common, nlohmann::ordered_json& report) {
   const std::optional<Key> key = key_of(common);
-  InputFile file(replay.file);
+  std::optional<InputFile> log(std::in_place, replay.file);
   std::optional<EventsFile> csv;
   bool interrupted = false;
   try {
-    if (!is_lcm_log(file)) csv = read_checked(std::move(file), scene, options);
+    if (!is_lcm_log(*log)) {
+      csv = read_checked(*std::exchange(log, std::nullopt), scene, options);
+    }
   } catch (const Interrupted&) {
     interrupted = true;
   }
@@ -310,7 +312,7 @@ int run_replay(const Scene& scene, const ObserverOptions& options, const ReplayO
     if (csv) {
       whole = run.events_csv(*csv, replay.file.string(), report);
     } else if (!interrupted) {
-      whole = run.lcm_log(std::move(file), key, report);
+      whole = run.lcm_log(std::move(*log), key, report);
     }
   } catch (const Interrupted&) {
   }
