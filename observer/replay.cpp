@@ -8,6 +8,7 @@
 #include <optional>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
