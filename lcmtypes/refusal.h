@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string_view>
 
+#include "sprag/detail/mechanics/instant.h"
+
 namespace sprag {
 
 enum class Refusal {
@@ -20,9 +22,8 @@ enum class Refusal {
   bad_value     ///< another value out of range, for example a coordinate that is not finite
 };
 
-/// Larger numbers of messages, records and samples are refused: doubles represent no larger
-/// integers exactly.
-inline constexpr std::int64_t largest_number = std::int64_t{1} << 53;
+/// Larger numbers of messages, records and samples are refused, like those of ticks.
+inline constexpr std::int64_t largest_number = max_tick;
 
 inline constexpr int refusal_kinds = 11;
 

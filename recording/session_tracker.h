@@ -26,8 +26,9 @@ enum class Oddity { none, time, speed, number, records };
 /// set, a host was suspended, or the first message received was the wrong one.
 class Continuity {
  public:
-  /// `h`: the observer's tick [s]. Times after half of max_tick ticks are refused.
-  explicit Continuity(double h) : latest_(0.5 * static_cast<double>(max_tick) * h) {}
+  /// `h`: the observer's tick [s]. Numbers above half of max_tick, and times after as many ticks,
+  /// are refused.
+  explicit Continuity(double h) : latest_(static_cast<double>(plausible_number) * h) {}
 
   /// fits: consistent with the accepted messages. odd: inconsistent, refused. resumes:
   /// inconsistent, but accepted since the odd messages before it agree with it.
@@ -37,8 +38,8 @@ class Continuity {
   Oddity impossible(const ContactMessage& message) const {
     if (!(message.horizon <= latest_)) return Oddity::time;
     if (message.speed > fastest && message.speed < infinity) return Oddity::speed;
-    if (message.sequence > largest_number) return Oddity::number;
-    if (message.records_total > largest_number) return Oddity::records;
+    if (message.sequence > plausible_number) return Oddity::number;
+    if (message.records_total > plausible_number) return Oddity::records;
     return Oddity::none;
   }
 
@@ -82,7 +83,7 @@ class Continuity {
   static constexpr double largest_step_back = 0.5;  // s
   static constexpr double most_at_once = 1e6;       // messages or records
   static constexpr double most_in_a_second = 1e7;   // of these, in addition
-  static constexpr std::int64_t largest_number = std::int64_t{1} << 52;
+  static constexpr std::int64_t plausible_number = max_tick / 2;
 
   struct Known {
     std::int64_t number = 0, records = 0;

@@ -65,18 +65,12 @@ class OwnObserver {
         stage_(stage) {}
 
   void take(const ContactMessage& message, const Arrival& arrival) {
-    switch (sessions_.receive(message, arrival)) {
-      case SessionTracker::Verdict::ignored:
-        return;
-      case SessionTracker::Verdict::starts:
-        estimation_.restart(message);
-        break;
-      case SessionTracker::Verdict::resumes:
-        estimation_.receive(message, true);
-        break;
-      case SessionTracker::Verdict::continues:
-        estimation_.receive(message, false);
-        break;
+    const SessionTracker::Verdict verdict = sessions_.receive(message, arrival);
+    if (verdict == SessionTracker::Verdict::ignored) return;
+    if (verdict == SessionTracker::Verdict::starts) {
+      estimation_.restart(message);
+    } else {
+      estimation_.receive(message, verdict == SessionTracker::Verdict::resumes);
     }
     sample_.session = message.session;
     sample_.utime = message.utime;

@@ -127,26 +127,26 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     if (opens ? contains(belief.bursting, i) : !flight().can_strike(i, belief.held)) continue;
     if (moved) at_->fly(t, belief.z, belief);
     moved = false;
-    const Flight::Gap present = opens ? flight().force(i) : flight().gap(i);
+    const auto signal = [&] { return opens ? flight().force(i) : flight().gap(i); };
+    const Flight::Gap present = signal();
     const bool falls = present.velocity < 0.0;
-    std::optional<Fall> fall;
+    std::optional<Fall> found;
     if (const double back = look_back(present, longest, belief); back > 0.0) {
       moved = true;
-      fall = latest_fall(t - back, t, looks, [&](double then) {
+      found = latest_fall(t - back, t, looks, [&](double then) {
         flight().fly(belief.z.head(2 * at_->n()), belief.t, then - belief.t, belief.held);
-        return (opens ? flight().force(i) : flight().gap(i)).g;
+        return signal().g;
       });
     }
-    if (!fall && !falls) continue;
+    if (!found && !falls) continue;
     // The contact has just been hit, and its gap is not known to be positive yet.
-    if (fall && !opens && fall->t <= t - longest && !(falls && present.g < 0.0)) continue;
-    const double lowest = fall ? fall->lowest : present.g, ago = fall ? t - fall->t : 0.0;
-    const double when = fall ? fall->lowest_at : t;
-    if (moved) at_->fly(when, belief.z, belief);
-    at_->look(i, opens, when);
+    if (found && !opens && found->t <= t - longest && !(falls && present.g < 0.0)) continue;
+    const Fall fall = found.value_or(Fall{t, present.g, t});
+    if (moved) at_->fly(fall.lowest_at, belief.z, belief);
+    at_->look(i, opens, fall.lowest_at);
     const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
-    if (!(lowest < near_zero * s)) continue;
-    const double p = probability(-lowest / s, ago / belief.sigma);
+    if (!(fall.lowest < near_zero * s)) continue;
+    const double ago = t - fall.t, p = probability(-fall.lowest / s, ago / belief.sigma);
     if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
     first = {i, opens, ago, p};
   }
