@@ -7,60 +7,74 @@ identify() and diagnose() judge its parameters. Contacts count from
 order. All results are read-only views of C++ data, without copies, and keep that data alive.
 """
 
-from ._core import (
-    __version__,
-    Assessment,
-    Beam,
-    Candidate,
-    Contact,
-    Diagnosis,
-    Energies,
-    Estimate,
-    EstimateListener,
-    Estimates,
-    EventPublisher,
-    Finding,
-    Force,
-    Harmonic,
-    Identification,
-    Inconsistency,
-    KeptModes,
-    LiveEstimate,
-    Model,
-    Observer,
-    Output,
-    ParameterUncertainty,
-    Prediction,
-    Reduction,
-    Scene,
-    Simulation,
-    Smoothed,
-    SmoothedStretch,
-    State,
-    Tolerance,
-    beam_contact,
-    beam_model,
-    check,
-    diagnose,
-    energies,
-    event_dtype,
-    identify,
-    impacts,
-    observe,
-    parse_scene,
-    predict,
-    read_events,
-    read_scene,
-    reduce,
-    simulate,
-    smooth,
-    to_toml,
-    write_scene,
-)
 from ._errors import BusError, Error, InputError, ModelError, SceneError, SimulationError
-from ._events import ContactEventKind, import_events, pulses
-from ._studies import Study, read_study, run_study
-from ._tolerance import Tolerances, tolerance
+from ._version import __version__
+
+try:
+    from ._core import (
+        Assessment,
+        Beam,
+        Candidate,
+        Contact,
+        Diagnosis,
+        Energies,
+        Estimate,
+        EstimateListener,
+        Estimates,
+        EventPublisher,
+        Finding,
+        Force,
+        Harmonic,
+        Identification,
+        Inconsistency,
+        KeptModes,
+        LiveEstimate,
+        Model,
+        Observer,
+        Output,
+        ParameterUncertainty,
+        Prediction,
+        Reduction,
+        Scene,
+        Simulation,
+        Smoothed,
+        SmoothedStretch,
+        State,
+        Tolerance,
+        beam_contact,
+        beam_model,
+        check,
+        diagnose,
+        energies,
+        event_dtype,
+        identify,
+        impacts,
+        observe,
+        parse_scene,
+        predict,
+        read_events,
+        read_scene,
+        reduce,
+        simulate,
+        smooth,
+        to_toml,
+        write_scene,
+    )
+    from ._events import import_events, pulses
+    from ._studies import Study, read_study, run_study
+    from ._tolerance import Tolerances, tolerance
+except ModuleNotFoundError as missing:
+    # Pictures, reports and the import of events need no compiled part.
+    if missing.name != f"{__name__}._core":
+        raise
+
+    def __getattr__(name: str) -> object:
+        if name in __all__:
+            raise ImportError(
+                f"sprag.{name} needs the compiled part of the package, which is not installed here"
+            )
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "__version__",

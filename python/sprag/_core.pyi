@@ -13,7 +13,6 @@ _Events = npt.NDArray[np.void] | Sequence[tuple[float, int, int]]
 # Metaclass of all classes of pybind11.
 class _Class(type): ...
 
-__version__: str
 event_dtype: np.dtype[np.void]
 
 class Harmonic(metaclass=_Class):

@@ -682,8 +682,8 @@ void bind_scene_files(py::module_& module) {
   module.def(
       "read_scene",
       [](const std::filesystem::path& file) {
-        const py::module_ package = py::module_::import("sprag");
-        const auto folder = shipped_scenes(package.attr("__file__").cast<std::string>());
+        const py::module_ core = py::module_::import("sprag._core");
+        const auto folder = shipped_scenes(core.attr("__file__").cast<std::string>());
         const std::filesystem::path found = find_scene(file, folder);
         if (const std::string why = scene_not_found(found, folder); !why.empty()) {
           throw SceneError(found.string(), "cannot be read: " + why);

@@ -17,7 +17,6 @@
 #include "sprag/master.h"
 #include "sprag/model.h"
 #include "sprag/scene_file.h"
-#include "sprag/version.h"
 
 namespace sprag::python {
 namespace {
@@ -68,7 +67,6 @@ PYBIND11_MODULE(_core, module) {
                                    errors.attr("ModelError"), errors.attr("SimulationError"),
                                    errors.attr("BusError"),   errors.attr("InputError")};
   py::register_local_exception_translator(&translate);
-  module.attr("__version__") = SPRAG_VERSION;
   module.attr("event_dtype") = event_dtype();
   bind_machines(module);
   bind_runs(module);

@@ -103,8 +103,8 @@ py::dict manifest_of(const study::Study& study) {
 }
 
 py::tuple run_study(const std::filesystem::path& file, std::optional<int> jobs) {
-  const py::module_ package = py::module_::import("sprag");
-  const auto scenes = shipped_scenes(package.attr("__file__").cast<std::string>());
+  const py::module_ core = py::module_::import("sprag._core");
+  const auto scenes = shipped_scenes(core.attr("__file__").cast<std::string>());
   const std::filesystem::path found =
       find_scene(file, scenes.empty() ? scenes : scenes / "studies");
   const study::Study study = study::read_study(found, scenes);

@@ -1,0 +1,341 @@
+"""What the programs in Python have in common: options, exit codes, messages, files and the report.
+
+The counterpart of command_line/ in C++. A program is a function ``main()`` that calls
+:func:`run_program` with its parser and its work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import json
+import math
+import os
+import re
+import signal
+import sys
+import tempfile
+import unicodedata
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import Any, NoReturn
+
+from ._errors import Error, InputError, ModelError, SceneError
+from ._version import __version__
+
+EXIT_DONE = 0
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+EXIT_VERDICT = 3
+
+DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
+
+
+class UsageError(Error):
+    """Bad usage that is detected after parsing; the program exits with 2."""
+
+
+class Interrupted(BaseException):
+    """SIGINT, SIGTERM or SIGHUP arrived."""
+
+
+class Read(str):
+    """Name of a file that the program reads."""
+
+
+class Written(str):
+    """Name of a file that the program writes."""
+
+
+class Labelled(str):
+    """``[LABEL=]FILE``: a file that the program reads, with the name of what it shows."""
+
+    @property
+    def file(self) -> Read:
+        label, separator, file = self.partition("=")
+        return Read(file if separator and not os.path.exists(self) else self)
+
+    @property
+    def label(self) -> str:
+        return self[: -len(self.file) - 1] if len(self.file) < len(self) else ""
+
+
+class Parser(argparse.ArgumentParser):
+    """Options that all programs have; errors and help in the form of the programs in C++."""
+
+    def __init__(self, program: str, description: str) -> None:
+        super().__init__(
+            prog=program,
+            description=description,
+            allow_abbrev=False,
+            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        )
+        self.add_argument("--version", action="version", version=f"{program} {__version__}")
+        self.add_argument("--url", metavar="LCM_URL", default=DEFAULT_URL, help="LCM address")
+        self.add_argument(
+            "--key",
+            metavar="FILE",
+            type=Read,
+            help="sign all messages, and accept only signed ones",
+        )
+        self.add_argument(
+            "--report",
+            metavar="FILE.json",
+            type=Written,
+            help="write the run's figures to this file",
+        )
+
+    def format_help(self) -> str:
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups, "Usage: ")
+        for group in self._action_groups:
+            formatter.start_section((group.title or "").capitalize())
+            formatter.add_arguments(group._group_actions)
+            formatter.end_section()
+        return f"{self.description}\n{formatter.format_help()}"
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_USAGE, f"{printable(message)}\nRun with --help for more information.\n")
+
+
+def positive(text: str) -> float:
+    """A finite number > 0, for the ``type`` of an option."""
+    value = finite(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; must be a number > 0")
+    return value
+
+
+def finite(text: str) -> float:
+    """A finite number, for the ``type`` of an option."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; must be a finite number")
+    return value
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on, for the ``type`` of an option."""
+    if not re.fullmatch(r"\d{1,9}", text) or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; must be a whole number >= 1")
+    return int(text)
+
+
+def names(text: str) -> list[str]:
+    """Names separated by commas, for the ``type`` of an option."""
+    return [name for name in (part.strip() for part in text.split(",")) if name]
+
+
+def choose(given: str, choices: Sequence[str]) -> str:
+    """Message about an invalid choice: ``kalman; choose replica, timing or both``."""
+    head = ", ".join(choices[:-1])
+    return f"{given}; choose {head + ' or ' if head else ''}{choices[-1]}"
+
+
+def printable(text: str) -> str:
+    """`text` as one line without characters that a terminal would interpret."""
+    return "".join(_escaped(character) for character in text)
+
+
+def printable_lines(text: str) -> str:
+    """The same for a text of several lines: line breaks stay."""
+    return "\n".join(printable(line) for line in text.split("\n"))
+
+
+def _escaped(character: str) -> str:
+    code = ord(character)
+    if 0xDC80 <= code <= 0xDCFF:  # a byte that is not valid UTF-8, by surrogateescape
+        return f"\\x{code - 0xDC00:02x}"
+    if unicodedata.category(character) in ("Cc", "Cf", "Cn", "Cs", "Zl", "Zp"):
+        short = {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(character)
+        return short or (f"\\x{code:02x}" if code < 0x80 else f"\\u{code:04x}")
+    return character
+
+
+def scenes_folder() -> Path | None:
+    """Folder of the scenes that are shipped with this package; None if there is none."""
+    for folder in Path(__file__).absolute().parents:
+        scenes = folder / "share" / "sprag" / "scenes"
+        if scenes.is_dir():
+            return scenes
+    return None
+
+
+def scene_file(given: str) -> Read:
+    """File of a scene that is given by its file or by its name among the shipped ones."""
+    return _shipped(given, scenes_folder(), SceneError)
+
+
+def study_file(given: str) -> Read:
+    """File of a study that is given by its file or by its name among the shipped ones."""
+    scenes = scenes_folder()
+    return _shipped(given, scenes / "studies" if scenes else None, InputError)
+
+
+def _shipped(given: str, folder: Path | None, error: type[Error]) -> Read:
+    if os.path.exists(given):
+        return Read(given)
+    if folder is None:
+        raise error(f"{given}: cannot be read: no such file")
+    if re.fullmatch(r"[\w-]+", given) and (folder / f"{given}.toml").is_file():
+        return Read(folder / f"{given}.toml")
+    shipped = sorted(file.stem for file in folder.glob("*.toml"))
+    raise error(
+        choose(f"{given}: cannot be read: no such file, and none of this name in {folder}", shipped)
+    )
+
+
+def say(program: str, message: str) -> None:
+    """A message of the program to stderr."""
+    print(f"{program}: {printable(message)}", file=sys.stderr, flush=True)
+
+
+def require(module: str, package: str, purpose: str) -> ModuleType:
+    """Imports a module of an optional package.
+
+    Raises Error with the command that installs it: `package` is the name of Debian's package.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module.partition(".")[0]:
+            raise
+        raise Error(
+            f"{purpose} needs the Python package {module.partition('.')[0]}; "
+            f"install it: apt install {package}"
+        ) from None
+
+
+@contextlib.contextmanager
+def written(file: str | os.PathLike[str]) -> Iterator[Path]:
+    """Path of a temporary file that replaces `file` when the block ends without an exception.
+
+    An existing file stays as it is until then. A device or a pipe is written directly.
+    """
+    target = Path(os.path.realpath(file))
+    if target.exists() and not target.is_file():
+        yield target
+        return
+    try:
+        handle, name = tempfile.mkstemp(
+            prefix=f".{target.stem}.", suffix=target.suffix, dir=target.parent
+        )
+    except OSError as error:
+        raise OSError(f"{file}: cannot be written: {error.strerror}") from None
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        mode = target.stat().st_mode & 0o777 if target.exists() else 0o666 & ~_umask()
+        temporary.chmod(mode)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def run_program(
+    parser: Parser,
+    run: Callable[[argparse.Namespace, dict[str, Any]], int],
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """Parses the command line and calls ``run(options, report)``. Returns the exit code.
+
+    `run` fills the report, which ``--report`` writes, and returns an exit code. Exit code 2: bad
+    usage, InputError, SceneError, ModelError, or an output that would overwrite another file of
+    the command line, and then nothing is opened. Exit code 1: any other failure, or a signal.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser.parse_args(given)
+    program = parser.prog
+    if clash := _overwritten(parser, options):
+        say(program, clash)
+        return EXIT_USAGE
+    report: dict[str, Any] = {"program": program, "version": __version__, "command": given}
+    error = ""
+    try:
+        with _signals_raise():
+            code = run(options, report)
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of stdout has ended; Python must not flush it again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        error, code = "standard output: cannot be written: broken pipe", EXIT_FAILED
+    except Interrupted:
+        error, code = "interrupted", EXIT_FAILED
+    except (UsageError, InputError, SceneError, ModelError) as what:
+        error, code = str(what), EXIT_USAGE
+    except (Error, OSError) as what:
+        error, code = str(what), EXIT_FAILED
+    if error:
+        say(program, error)
+        report["error"] = error
+    report["exit"] = code
+    if options.report and not _write_report(program, options.report, report):
+        return EXIT_FAILED
+    return code
+
+
+def _write_report(program: str, file: str, report: dict[str, Any]) -> bool:
+    try:
+        with written(file) as temporary:
+            text = json.dumps(report, indent=2, ensure_ascii=False)
+            temporary.write_text(printable_lines(text) + "\n", encoding="utf-8")
+    except OSError as error:
+        say(program, str(error))
+        return False
+    return True
+
+
+@contextlib.contextmanager
+def _signals_raise() -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
+        raise Interrupted
+
+    before = {
+        number: signal.signal(number, stop)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _overwritten(parser: Parser, options: argparse.Namespace) -> str:
+    """Describes the first output that would overwrite another file of the command line."""
+    files: list[tuple[str, str, bool]] = []
+    for action in parser._actions:
+        value = getattr(options, action.dest, None)
+        name = action.option_strings[-1] if action.option_strings else action.metavar or action.dest
+        for item in value if isinstance(value, list) else [value]:
+            if isinstance(item, Labelled):
+                files.append((str(name), item.file, False))
+            elif isinstance(item, (Read, Written)):
+                files.append((str(name), item, isinstance(item, Written)))
+    for i, (name, file, is_written) in enumerate(files):
+        for other, second, other_is_written in files[i + 1 :]:
+            if (is_written or other_is_written) and _same_file(file, second):
+                if file == second:
+                    return f"{name} and {other} are the same file, {file}"
+                return f"{name} {file} and {other} {second} are the same file"
+    return ""
+
+
+def _same_file(a: str, b: str) -> bool:
+    if os.path.exists(a) and not os.path.isfile(a):  # writing does not destroy a device or a pipe
+        return False
+    if os.path.exists(a) and os.path.exists(b) and os.path.samefile(a, b):
+        return True
+    return os.path.realpath(a) == os.path.realpath(b)
