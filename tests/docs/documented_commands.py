@@ -11,9 +11,12 @@ block specifies exceptions:
 <!-- run: exits with N -->         its exit code is N, not 0
 <!-- run: in parallel for N s -->  its commands run in parallel; SIGINT ends them after N s, all exit with 0
 <!-- run: without a network -->    the network has neither a loopback interface nor a route
+<!-- run: needs FILE -->           without FILE, of an optional part such as build/studies/NAME, it is skipped by name;
+                                   in FILE, * stands for any characters
 
 A block ```text after a block is its expected output: its lines occur in the output in the same order, apart from
-numbers; a line ... stands for any lines. Exit code 77: this host permits no network namespaces.
+numbers; a line ... stands for any lines. Exit code 77: blocks were skipped, and the others run; or this host permits no
+network namespaces.
 """
 
 import os
@@ -27,6 +30,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+SKIPPED = 77  # exit code
 LIMIT = 900.0  # of a block [s]; only a block that hangs reaches it
 SHELL = ["bash", "-euo", "pipefail", "-c"]
 MARKER = re.compile(r"\s*<!-- (not run|run): *(.*?) *-->\s*$")
@@ -48,6 +52,7 @@ class Block:
     exit_code: int = 0
     parallel: float = 0.0  # [s]; 0: one command after the other
     network: bool = True
+    needs: str = ""  # file of an optional part
 
     @property
     def text(self) -> str:
@@ -68,6 +73,8 @@ class Block:
             self.parallel = float(found[1])
         elif what == "without a network":
             self.network = False
+        elif found := re.fullmatch(r"needs ([\w.*/-]+)", what):
+            self.needs = found[1]
         else:
             raise Failure(f"{self.place}: unknown marker `run: {what}`")
 
@@ -133,7 +140,7 @@ def namespace() -> list[str]:
         except OSError:
             break
     print("not permitted or not installed: unshare --net, ip")
-    sys.exit(77)
+    sys.exit(SKIPPED)
 
 
 def end(process: subprocess.Popen) -> None:
@@ -207,10 +214,12 @@ def copy_checkout(source: Path, build: Path, folder: Path) -> None:
             (folder / "build" / entry.name).symlink_to(entry)
 
 
-def run_page(source: Path, page: str, build: Path) -> None:
+def run_page(source: Path, page: str, build: Path) -> bool:
+    """Runs the blocks of a page; False if some were skipped because an optional part is missing."""
     blocks = parse((source / page).read_text(encoding="utf-8"), page)
     if not any(block.language == "sh" for block in blocks):
-        return
+        return True
+    skipped = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         copy_checkout(source, build, folder)
@@ -224,9 +233,15 @@ def run_page(source: Path, page: str, build: Path) -> None:
             if block.skip:
                 print(f"{block.place}: not run: {block.skip}")
                 continue
+            if block.needs and not list(folder.glob(block.needs)):
+                skipped.append(f"{block.place} needs {block.needs}")
+                continue
             begin = time.monotonic()
             printed = run(block, folder)
             print(f"{block.place}: {time.monotonic() - begin:.1f} s", flush=True)
+    if skipped:
+        print(f"skipped: {', '.join(skipped)}")
+    return not skipped
 
 
 def pages_of(source: Path) -> list[str]:
@@ -258,13 +273,15 @@ def main() -> int:
     source = Path(arguments[0]).resolve()
     try:
         if arguments[1] != "--list":
-            run_page(source, arguments[1], Path(arguments[2]).resolve())
-            return 0
+            whole = run_page(source, arguments[1], Path(arguments[2]).resolve())
+            return 0 if whole else SKIPPED
         for page in pages_of(source):
             blocks = check(page, (source / page).read_text(encoding="utf-8"))
             for block in blocks:
                 if block.skip:
                     print(f"{block.place}: not run: {block.skip}")
+                elif block.needs:
+                    print(f"{block.place}: needs {block.needs}")
     except Failure as failure:
         print(failure)
         return 1

@@ -1,5 +1,7 @@
 """The test of documented commands detects wrong markers, and commands that fail, hang or print another output."""
 
+import contextlib
+import io
 import tempfile
 import time
 import unittest
@@ -37,7 +39,7 @@ class MarkerTest(unittest.TestCase):
             self.refused(page(sh("true", marker)), "page.md:")
 
     def test_markers_are_known(self):
-        for marker in "run: twice", "run: exits with x", "run: in parallel", "run:", "run":
+        for marker in "run: needs", "run: needs a rig", "run: twice", "run: exits with x", "run: in parallel", "run:", "run":
             self.refused(page(sh("true", marker)), "page.md:")
 
     def test_every_command_is_found(self):
@@ -94,6 +96,41 @@ class RunTest(unittest.TestCase):
     def test_continued_lines_are_one_command(self):
         (block,) = documented.parse(page(sh("a \\\n  b\nc")), "page.md")
         self.assertEqual(documented.commands(block), ["a b", "c"])
+
+
+class OptionalPartTest(unittest.TestCase):
+    def setUp(self):
+        documented.namespace()
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.source = Path(folder.name) / "source"
+        self.build = Path(folder.name) / "build"
+        (self.build / "studies").mkdir(parents=True)
+        self.source.mkdir()
+        marked = sh("build/studies/exact", "run: needs build/studies/exact")
+        (self.source / "page.md").write_text(page(sh("echo ran"), marked, sh("echo ran, too")))
+
+    def run_page(self) -> tuple[bool, str]:
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            whole = documented.run_page(self.source, "page.md", self.build)
+        return whole, printed.getvalue()
+
+    def test_without_its_part_a_block_is_skipped_by_name_and_the_others_run(self):
+        whole, printed = self.run_page()
+        self.assertFalse(whole)
+        self.assertIn("skipped: page.md:11 needs build/studies/exact", printed)
+        self.assertIn("page.md:4: ", printed)
+        self.assertIn("page.md:17: ", printed)
+
+    def test_with_its_part_a_block_runs(self):
+        program = self.build / "studies" / "exact"
+        program.write_text("#!/bin/sh\nexit 1\n")
+        program.chmod(0o755)
+        with self.assertRaises(Failure):
+            self.run_page()
+        program.write_text("#!/bin/sh\nexit 0\n")
+        self.assertTrue(self.run_page()[0])
 
 
 class OutputTest(unittest.TestCase):
