@@ -1,13 +1,8 @@
 // The compiler's optimization may change rounding errors, but never an event.
 #include <cmath>
 #include <sstream>
-#include <string_view>
 
 #include "tests/end_to_end/fixture.h"
-
-#ifndef MASTER_EVENTS_UNOPTIMIZED
-#define MASTER_EVENTS_UNOPTIMIZED ""
-#endif
 
 namespace sprag::test {
 namespace {
@@ -26,13 +21,6 @@ std::vector<Event> parse(const std::string& text) {
 
 class OptimizationLevelTest : public EndToEnd {
  protected:
-  void SetUp() override {
-    EndToEnd::SetUp();
-    if (std::string_view(MASTER_EVENTS_UNOPTIMIZED).empty()) {
-      GTEST_SKIP() << "configured without SPRAG_UNOPTIMIZED";
-    }
-  }
-
   void expect_same_events(const std::string& name, const std::string& duration,
                           std::size_t at_least) {
     Process& optimized = start_command({MASTER_EVENTS, scene(name), duration});
