@@ -3,4 +3,4 @@
 #pragma once
 
 /// \brief Version "MAJOR.MINOR.PATCH".
-#define SPRAG_VERSION "0.2.0"
+#define SPRAG_VERSION "0.3.0"
