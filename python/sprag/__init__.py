@@ -7,10 +7,12 @@ identify() and diagnose() judge its parameters. Contacts count from
 order. All results are read-only views of C++ data, without copies, and keep that data alive.
 """
 
+import importlib.util
+
 from ._errors import BusError, Error, InputError, ModelError, SceneError, SimulationError
 from ._version import __version__
 
-try:
+if importlib.util.find_spec(f"{__name__}._core"):
     from ._core import (
         Assessment,
         Beam,
@@ -60,14 +62,11 @@ try:
         to_toml,
         write_scene,
     )
-    from ._events import import_events, pulses
+    from ._events import ContactEventKind, import_events, pulses
     from ._studies import Study, read_study, run_study
     from ._tolerance import Tolerances, tolerance
-except ModuleNotFoundError as missing:
+else:
     # Pictures, reports and the import of events need no compiled part.
-    if missing.name != f"{__name__}._core":
-        raise
-
     def __getattr__(name: str) -> object:
         if name in __all__:
             raise ImportError(
