@@ -31,6 +31,12 @@
 namespace sprag::python {
 namespace {
 
+struct Record {
+  std::string of;
+  bool displacement = false;
+  Eigen::VectorXd t, values;
+};
+
 void require(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument(what);
 }
@@ -472,7 +478,10 @@ void bind_model(py::module_& module) {
       .def_property_readonly("w", vector_property(&Contact::w))
       .def_readonly("restitution", &Contact::restitution)
       .def_readonly("clearance", &Contact::clearance)
-      .def_readonly("motion", &Contact::motion);
+      .def_readonly("motion", &Contact::motion)
+      .def_property_readonly(
+          "recorded", [](const Contact& contact) { return contact.input != nullptr; },
+          "Whether a recorded input moves the support, too.");
 
   py::class_<Force>(module, "Force",
                     "f(t) += direction (constant + harmonic(t)); direction has f entries.")
@@ -480,7 +489,10 @@ void bind_model(py::module_& module) {
            py::arg("harmonic") = Harmonic{})
       .def_property_readonly("direction", vector_property(&Force::direction))
       .def_readonly("constant", &Force::constant)
-      .def_readonly("harmonic", &Force::harmonic);
+      .def_readonly("harmonic", &Force::harmonic)
+      .def_property_readonly(
+          "recorded", [](const Force& force) { return force.input != nullptr; },
+          "Whether a recorded input is a part of the force, too.");
 
   py::class_<Output>(module, "Output",
                      "A quantity with a name: direction^T q, or with velocity direction^T u; "
@@ -544,6 +556,16 @@ void bind_scene_parts(py::module_& module) {
       .def_property_readonly("q", vector_property(&State::q))
       .def_property_readonly("u", vector_property(&State::u));
 
+  py::class_<Record>(module, "Record",
+                     "A recorded input: of is \"excitation\" or the key of its force, as "
+                     "\"force.2\"; n sample times t [s] and values, with the delay and the gain of "
+                     "the sensor: the frame's acceleration [m/s^2], or where displacement is true "
+                     "its motion [m], or the force.")
+      .def_readonly("of", &Record::of)
+      .def_readonly("displacement", &Record::displacement)
+      .def_property_readonly("t", vector_property(&Record::t))
+      .def_property_readonly("values", vector_property(&Record::values));
+
   py::class_<ParameterUncertainty>(
       module, "ParameterUncertainty",
       "How uncertain parameters of a machine are, [parameters] of its scene: P standard "
@@ -581,6 +603,28 @@ void bind_scene_parts(py::module_& module) {
 
 using SceneClass = py::class_<Scene, std::shared_ptr<Scene>>;
 
+// A beam has no forces but that of its excitation.
+bool is_of_excitation(const Scene& scene, std::size_t force) {
+  return scene.beam.has_value() || (scene.frame && scene.frame->force == force);
+}
+
+std::vector<Record> records_of(const Scene& scene) {
+  std::vector<Record> records;
+  for (std::size_t i = 0; i < scene.model.forces.size(); ++i) {
+    const SampledInputPointer& input = scene.model.forces[i].input;
+    if (!input) continue;
+    const SampledInput::Settings& settings = input->settings();
+    const auto& t = input->sample_times();
+    const auto& values = input->sample_values();
+    const auto n = static_cast<Eigen::Index>(t.size());
+    records.push_back({is_of_excitation(scene, i) ? "excitation" : "force." + std::to_string(i + 1),
+                       settings.displacement,
+                       Eigen::Map<const Eigen::VectorXd>(t.data(), n).array() + settings.delay,
+                       settings.gain * Eigen::Map<const Eigen::VectorXd>(values.data(), n)});
+  }
+  return records;
+}
+
 void bind_scene_values(SceneClass& of_scene) {
   of_scene
       .def_property_readonly(
@@ -591,6 +635,23 @@ void bind_scene_values(SceneClass& of_scene) {
           "Number of contacts.")
       .def_readonly("model", &Scene::model)
       .def_readonly("beam", &Scene::beam, "None where the scene is not of a beam.")
+      .def_readonly("positions", &Scene::positions,
+                    "x_c of a beam's contacts [m], m entries; empty where the scene is not of a "
+                    "beam.")
+      .def_property_readonly(
+          "excitation",
+          [](const Scene& scene) {
+            return scene.frame ? std::optional(scene.frame->motion) : std::nullopt;
+          },
+          "Harmonic motion e(t) of the frame of a [system] [m]; None where it has no excitation.")
+      .def_property_readonly(
+          "is_shaken",
+          [](const Scene& scene) {
+            return scene.frame.has_value() || (scene.beam && !scene.model.forces.empty());
+          },
+          "Whether the coordinates are measured against a shaken frame.")
+      .def_property_readonly("records", &records_of,
+                             "Records of the excitation and of forces, in the order of forces.")
       .def_property_readonly(
           "master", [](const Scene& scene) -> const State& { return scene.truth.start; },
           py::return_value_policy::reference_internal, "Start of the machine.")

@@ -49,6 +49,24 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         np.testing.assert_array_equal(parameters.correlation, [[1.0, -0.3], [-0.3, 1.0]])
         self.assertFalse(parameters.sigma.flags.writeable)
 
+    def test_records_and_positions_are_those_of_the_scene(self):
+        swept = scene("swept_beam")
+        rows = np.loadtxt(
+            SOURCE / "scenes" / "records" / "swept_base.csv", delimiter=",", skiprows=1
+        )
+        (record,) = swept.records
+        self.assertEqual((record.of, record.displacement), ("excitation", False))
+        np.testing.assert_allclose(record.t, rows[:, 0], atol=1e-12)
+        np.testing.assert_allclose(record.values, 9.80665 * rows[:, 1], rtol=1e-14)
+        self.assertEqual(swept.positions, [0.28])
+        self.assertTrue(swept.is_shaken)
+        self.assertTrue(swept.model.forces[0].recorded)
+        self.assertFalse(swept.model.contacts[0].recorded)
+        shaken = scene("lab_rig")
+        self.assertEqual(shaken.positions, [])
+        self.assertEqual(shaken.records, [])
+        self.assertIsNone(scene().excitation)
+
     def test_outputs_have_names_values_and_sigmas(self):
         outputs = [
             sprag.Output("tip", [1.0, -1.0]),
