@@ -5,10 +5,10 @@
 
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/identification/fitted_parameters.h"
+#include "sprag/detail/identification/fitted_tolerance.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
-#include "tools/identify/fitted_parameters.h"
-#include "tools/identify/fitted_tolerance.h"
 
 namespace sprag {
 namespace {

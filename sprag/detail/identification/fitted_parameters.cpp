@@ -1,4 +1,4 @@
-#include "tools/identify/fitted_parameters.h"
+#include "sprag/detail/identification/fitted_parameters.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "tools/identify/fitted_tolerance.h"
+#include "sprag/detail/identification/fitted_tolerance.h"
 
 #include <algorithm>
 #include <cmath>
