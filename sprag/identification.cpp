@@ -8,6 +8,7 @@
 
 #include "sprag/detail/identification/bounces.h"
 #include "sprag/detail/identification/determination.h"
+#include "sprag/detail/identification/fitted_scene.h"
 #include "sprag/detail/identification/free_flight.h"
 #include "sprag/detail/identification/mending.h"
 #include "sprag/detail/identification/projection.h"
@@ -964,6 +965,7 @@ Identification identify(const Scene& scene, std::span<const ContactEvent> events
   Identification result = Identifier(scene, events, determinable).run();
   result.ambiguities = std::move(ambiguities);
   result.unknowns.insert(result.unknowns.end(), held.begin(), held.end());
+  if (result.converged()) result.fitted = fitted_scene(scene, result);
   return result;
 }
 

@@ -119,7 +119,9 @@ struct Identification {
   std::vector<FittedUnknown> unknowns;
   std::vector<ClockAmbiguity> ambiguities;  ///< unknowns of the clock that were held at nominal
   std::vector<Combination> combinations;    ///< for FitProblem::degenerate_orbit
-  Scene fitted;                    ///< scene with the values; its replica starts at `start`
+  /// \brief The scene with all that the fit determines: values, their uncertainty and correlations,
+  /// start, jitter and drift (fitted_scene.h). `identify --output` writes it.
+  Scene fitted;
   double jitter = 0.0;             ///< as given, or as estimated [s]
   bool jitter_given = false;       ///< the settings gave the jitter
   double scatter = 0.0;            ///< root of the residuals' squares per degree of freedom [s]
@@ -167,7 +169,7 @@ struct Identification {
   }
 };
 
-/// \brief The recording has too few impacts for the unknowns. Does not derive from Error.
+/// \brief The recording has too few impacts for the unknowns.
 struct TooFewImpacts : Error {
   using Error::Error;
 };

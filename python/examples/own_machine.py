@@ -34,9 +34,7 @@ for key, (value, sigma) in fit.parameters.items():
     print(f"{key}: {value:.4f} +- {sigma:.1g}")
 
 # %% Reconstruct the height: each moment by all bounces, the later ones too.
-sigmas = {key: sigma for key, (_, sigma) in fit.parameters.items()}
-fitted = fit.fitted.replace(jitter=fit.jitter, parameters=sigmas)
-estimate = sprag.smooth(fitted, events, events["t"][-1], tick=0.001)
+estimate = sprag.smooth(fit.fitted, events, events["t"][-1], tick=0.001)
 height, sigma = estimate.outputs[:, 0], estimate.sigma_outputs[:, 0]
 between = (estimate.t > events["t"][0]) & (estimate.t < events["t"][1])
 top = np.argmax(np.where(between, height, 0.0))

@@ -246,7 +246,10 @@ void bind_fit_figures(IdentificationClass& of_fit) {
             if (!of.fit.converged()) return nullptr;
             return std::make_shared<Scene>(of.fit.fitted);
           },
-          "The scene with these values, whose replica starts at start; None without a fit.");
+          "The scene with all that the fit determines, as `identify --output` writes it: values, "
+          "parameters with their correlations, start and its uncertainty, jitter, and the drift or "
+          "its 95 % limit. None without a fit; that of a refused fit has the scatter as its "
+          "jitter.");
 }
 
 void bind_identification(py::module_& module) {

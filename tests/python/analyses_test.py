@@ -27,7 +27,10 @@ def rig(restitution: float = 0.6, **settings) -> sprag.Scene:
         None,
         [[300.0, -120.0], [-120.0, 200.0]],
         [sprag.Contact([0.0, 1.0], restitution, clearance=0.004)],
-        outputs=[sprag.Output("mass", [0.0, 1.0]), sprag.Output("speed", [1.0, 0.0], velocity=True)],
+        outputs=[
+            sprag.Output("mass", [0.0, 1.0]),
+            sprag.Output("speed", [1.0, 0.0], velocity=True),
+        ],
         damping_ratio=[0.03, 0.02],
     )
     return sprag.Scene(
@@ -38,6 +41,12 @@ def rig(restitution: float = 0.6, **settings) -> sprag.Scene:
         uncertainty=[0.02, 0.02],
         **settings,
     )
+
+
+def with_jitter(events: np.ndarray, jitter: float, seed: int) -> np.ndarray:
+    late = events.copy()
+    late["t"] += jitter * np.random.default_rng(seed).standard_normal(len(events))
+    return np.sort(late, order="t")
 
 
 class IdentifyTest(unittest.TestCase):
@@ -71,6 +80,41 @@ class IdentifyTest(unittest.TestCase):
         for key, (value, _) in fit.parameters.items():
             self.assertEqual(value, printed[key])
         self.assertEqual(fit.chi2, report["chi2"])
+
+    def test_the_fitted_scene_is_what_the_program_writes(self):
+        truth = scene("lab_rig")
+        events = with_jitter(sprag.simulate(truth, 20.0).events, 2e-5, seed=0)
+        with tempfile.TemporaryDirectory() as folder:
+            recorded, written = Path(folder) / "events.csv", Path(folder) / "fitted.toml"
+            write_events(recorded, events)
+            rig_file = str(SOURCE / "scenes/lab_rig.toml")
+            options = ["--jitter", "2e-5", "--output", str(written)]
+            done = program("identify", str(recorded), rig_file, *options)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            expected = sprag.read_scene(written)
+        fitted = sprag.identify(truth, events, jitter=2e-5).fitted
+        self.assertEqual(sprag.to_toml(fitted), sprag.to_toml(expected))
+        self.assertEqual(fitted.jitter, 2e-5)
+        self.assertGreater(fitted.drift, 0.0)
+        self.assertGreater(np.abs(fitted.parameters.correlation - np.eye(6)).max(), 0.9)
+
+    def test_the_sigma_with_the_fitted_scene_covers_the_error(self):
+        truth = scene("lab_rig")
+        run = sprag.simulate(truth, 20.0)
+        free = ["impact.restitution", "system.C", "system.K"]
+        squares = {sprag.observe: [], sprag.smooth: []}
+        for seed in range(10):
+            events = with_jitter(run.events, 2e-5, seed)
+            fit = sprag.identify(truth, events, jitter=2e-5, free=free)
+            self.assertTrue(fit.fits, fit.problem)
+            for estimates, of in squares.items():
+                estimate = estimates(fit.fitted, events, 20.0)
+                over_sigma = (estimate.q - run.q)[200:] / estimate.sigma_q[200:]
+                of.append(np.mean(over_sigma**2))
+        for of in squares.values():
+            # The parameters are common to all ticks: each run counts as one sample of about 1.
+            self.assertGreater(np.mean(of), 0.3)
+            self.assertLess(np.mean(of), 4.0)
 
     def test_a_lost_event_is_repaired(self):
         truth = rig()
@@ -489,9 +533,7 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-        python = subprocess.Popen(
-            [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True
-        )
+        python = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         self.assertEqual(python.stdout.readline(), "ready\n")
         time.sleep(0.5)
         python.send_signal(signal.SIGINT)

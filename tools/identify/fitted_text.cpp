@@ -5,7 +5,6 @@
 
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
-#include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/identification/fitted_tolerance.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
@@ -208,28 +207,6 @@ void set_system_ratio(const Identification& fit, const std::string& file, Text& 
   }
 }
 
-bool starts_outside(const Scene& fitted, const State& start) {
-  return std::all_of(fitted.model.contacts.begin(), fitted.model.contacts.end(),
-                     [&](const Contact& contact) { return gap(contact, start.q, 0.0) >= 0.0; });
-}
-
-// Bound of the error energy of the start, never 0.
-double start_energy(const Identification& fit) {
-  const Model& model = fit.fitted.model;
-  const double of_u = fit.start_sigma.u.cwiseAbs2().dot(model.M.diagonal());
-  const double of_q = fit.start_sigma.q.cwiseAbs2().dot(model.K.diagonal());
-  const double kinetic = fit.start.u.cwiseAbs2().dot(model.M.diagonal()) +
-                         fit.start.q.cwiseAbs2().dot(model.K.diagonal());
-  // Nine times the mean of V, at least the rounding error.
-  return std::max(4.5 * (of_u + of_q), 1e-18 * kinetic);
-}
-
-// Standard deviations of the start, never 0.
-Eigen::VectorXd start_deviations(const Eigen::VectorXd& sigma, const Eigen::VectorXd& start) {
-  const double largest = std::max(start.cwiseAbs().maxCoeff(), sigma.maxCoeff());
-  return sigma.cwiseMax(1e-9 * (largest > 0.0 ? largest : 1.0));
-}
-
 constexpr std::string_view not_covered = "# The bound B covers no error of";
 
 // The text without [tolerance] and the comment of an earlier fit.
@@ -254,9 +231,9 @@ void begin_table(std::string& text) {
 
 // If no tolerance covers one of the fitted parameters, the table is written as a comment: the bound
 // does not hold for such a machine.
-void add_tolerance(const Identification& fit, double jitter, std::string& text) {
+void add_tolerance(const Identification& fit, std::string& text) {
   const std::string table =
-      to_toml(fitted_tolerance(fit, jitter),
+      to_toml(fitted_tolerance(fit, fit.fitted.prior.jitter),
               "by identify: limits of four standard deviations of the fit, which are no proof");
   if (table.empty()) return;
   begin_table(text);
@@ -275,49 +252,56 @@ void add_tolerance(const Identification& fit, double jitter, std::string& text) 
   }
 }
 
+State as_given(const State& state, const Scene& scene) {
+  return scene.kept ? expanded(state, *scene.kept) : state;
+}
+
+void set_start(const Scene& fitted, Text& text) {
+  const State start = as_given(fitted.prior.start, fitted);
+  text.set("replica.q", start.q);
+  text.set("replica.u", start.u);
+  if (fitted.prior.sigma) {
+    text.set("replica.sigma_q", fitted.prior.sigma->q);
+    text.set("replica.sigma_u", fitted.prior.sigma->u);
+  } else {
+    text.set("replica.uncertainty", fitted.prior.uncertainty.sum());
+  }
+}
+
 }  // namespace
 
-FittedText fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
-                       double begins, const std::filesystem::path& from,
-                       const std::filesystem::path& to) {
+std::string fitted_text(std::string_view given, const Scene& scene, const Identification& fit,
+                        const std::filesystem::path& from, const std::filesystem::path& to) {
   const std::string file = to.string();
   const std::string text = with_files_from(without_table(without_tolerance(given), "parameters"),
                                            from.parent_path(), to.parent_path(), file);
+  const Scene& fitted = fit.fitted;
   Text out(text, file);
   for (const FittedUnknown& unknown : fit.unknowns) {
-    if (unknown.determined) set_unknown(scene, fit.fitted, unknown, out);
+    if (unknown.determined) set_unknown(scene, fitted, unknown, out);
   }
   if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
-  if (fit.start_t == fit.begins) {
-    const State start = scene.kept ? expanded(fit.start, *scene.kept) : fit.start;
-    out.set("replica.q", start.q);
-    out.set("replica.u", start.u);
-    if (scene.prior.sigma) {
-      out.set("replica.sigma_q", start_deviations(fit.start_sigma.q, fit.start.q));
-      out.set("replica.sigma_u", start_deviations(fit.start_sigma.u, fit.start.u));
-    } else {
-      out.set("replica.uncertainty", start_energy(fit));
-    }
-    if (begins == 0.0 && out.has("master") && starts_outside(fit.fitted, fit.start)) {
-      out.set("master.q", start.q);
-      out.set("master.u", start.u);
-    }
+  if (fit.start_t == fit.begins) set_start(fitted, out);
+  const State &master = fitted.truth.start, &given_master = scene.truth.start;
+  if (out.has("master") && (master.q != given_master.q || master.u != given_master.u)) {
+    const State start = as_given(master, fitted);
+    out.set("master.q", start.q);
+    out.set("master.u", start.u);
   }
-  if (fit.fitted.prior.drift != scene.prior.drift) out.set("replica.drift", fit.fitted.prior.drift);
-  // A jitter below the resolution of times counts as none.
-  const double jitter = fit.jitter > 1e-9 * fit.interval ? fit.jitter : 0.0;
-  if (jitter > 0.0 || out.has("events.jitter")) out.set("events.jitter", jitter);
+  if (fitted.prior.drift != scene.prior.drift) out.set("replica.drift", fitted.prior.drift);
+  if (fitted.prior.jitter > 0.0 || out.has("events.jitter")) {
+    out.set("events.jitter", fitted.prior.jitter);
+  }
   std::string written = out.written();
-  const FittedParameters parameters = fitted_parameters(fit, parse_scene(written, file));
-  if (!parameters.uncertainty.empty()) {
+  if (!fitted.prior.parameters.empty()) {
     begin_table(written);
-    written += to_toml(parameters.uncertainty,
+    written += to_toml(fitted.prior.parameters,
                        "by identify: standard deviations, and correlations of the fit");
   }
-  add_tolerance(fit, jitter, written);
+  add_tolerance(fit, written);
   parse_scene(written, file);
-  return {written, parameters.left_out};
+  return written;
 }
 
 }  // namespace sprag

@@ -11,6 +11,7 @@
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/files/output_file.h"
+#include "sprag/detail/identification/fitted_parameters.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/mended_events.h"
 #include "tools/identify/print.h"
@@ -23,25 +24,10 @@ std::string text_of(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-// Writes the drift into the fitted scene: the estimate if a departure was found, else the 95 %
-// limit.
-void put_drift(const IdentifyRun& run, Identification& fit) {
-  const std::optional<DriftEstimate>& drift = fit.departure.drift;
-  if (!drift) return;
-  if (fit.departure.is_drift() || fit.departure.is_scatter()) {
-    fit.fitted.prior.drift = drift->drift;
-    fit.jitter = drift->jitter;
-  } else if (!run.no_drift_limit) {
-    fit.fitted.prior.drift = drift->high;
-  }
-}
-
 void write_scene(const IdentifyRun& run, const std::string& text, const Scene& scene,
-                 Identification fit, double begins) {
-  put_drift(run, fit);
-  const FittedText fitted = fitted_text(text, scene, fit, begins, run.scene, run.output);
-  write_file(run.output, fitted.text);
-  for (const std::string& key : fitted.not_filtered) {
+                 const Identification& fit) {
+  write_file(run.output, fitted_text(text, scene, fit, run.scene, run.output));
+  for (const std::string& key : not_filtered(fit)) {
     std::cerr << key << " is not listed in [parameters] of " << run.output.string()
               << ": a filter cannot follow single entries of C and K, one number for several "
                  "that differ, nor the contact clock\n";
@@ -95,10 +81,10 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   const Misfit misfit = result.fit.misfit;
   const bool effective = run.accept && (misfit == Misfit::scatter || misfit == Misfit::structured ||
                                         (misfit == Misfit::prediction && drifts(result)));
-  if (effective) {
-    result.accepted = true;
-    result.fit.jitter = result.fit.scatter;
-    result.fit.fitted.prior.jitter = result.fit.scatter;
+  result.accepted = effective;
+  const Departure& departure = result.fit.departure;
+  if (run.no_drift_limit && !departure.is_drift() && !departure.is_scatter()) {
+    result.fit.fitted.prior.drift = scene.prior.drift;
   }
   nlohmann::ordered_json object;
   write_json(result, object);
@@ -113,7 +99,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   }
   if (!run.output.empty()) {
     if (good) {
-      write_scene(run, text, scene, result.fit, recorded.begins);
+      write_scene(run, text, scene, result.fit);
     } else {
       note_unwritten(run.output,
                      run.accept ? "--accept takes only a wrong model" : "the events do not fit");

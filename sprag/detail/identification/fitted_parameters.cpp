@@ -52,28 +52,36 @@ Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std:
   return correlation;
 }
 
+bool has_sigma(const FittedUnknown& of) {
+  return of.determined && !of.at_bound && of.sigma > 0.0 && std::isfinite(of.sigma);
+}
+
 }  // namespace
 
-FittedParameters fitted_parameters(const Identification& fit, const Scene& written) {
-  FittedParameters result;
-  ParameterUncertainty& uncertainty = result.uncertainty;
+ParameterUncertainty fitted_parameters(const Identification& fit,
+                                       const ParameterUncertainty& before, const Scene& written) {
+  ParameterUncertainty uncertainty;
   std::vector<std::size_t> numbers;
   std::vector<double> sigma;
   for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
     const FittedUnknown& of = fit.unknowns[k];
-    if (!of.determined || of.at_bound || !(of.sigma > 0.0) || !std::isfinite(of.sigma)) continue;
-    if (!can_be_filtered(of.unknown)) {
-      result.left_out.push_back(of.unknown.key);
-      continue;
-    }
+    if (!has_sigma(of) || !can_be_filtered(of.unknown)) continue;
     numbers.push_back(k);
     sigma.push_back(sigma_in(written, of));
     uncertainty.keys.push_back(of.unknown.key);
-    uncertainty.consider.push_back(is_considered(fit.fitted.prior.parameters, of.unknown.key));
+    uncertainty.consider.push_back(is_considered(before, of.unknown.key));
   }
   uncertainty.sigma = Eigen::Map<const Eigen::VectorXd>(sigma.data(), std::ssize(sigma));
   uncertainty.correlation = correlation_of(fit, numbers);
-  return result;
+  return uncertainty;
+}
+
+std::vector<std::string> not_filtered(const Identification& fit) {
+  std::vector<std::string> keys;
+  for (const FittedUnknown& of : fit.unknowns) {
+    if (has_sigma(of) && !can_be_filtered(of.unknown)) keys.push_back(of.unknown.key);
+  }
+  return keys;
 }
 
 }  // namespace sprag

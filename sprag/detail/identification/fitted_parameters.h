@@ -1,4 +1,4 @@
-// Uncertainty of the parameters that identify has determined, for [parameters] of the fitted scene.
+// Uncertainty of the parameters of a fit: [parameters] of the fitted scene.
 #pragma once
 
 #include <string>
@@ -9,17 +9,14 @@
 
 namespace sprag {
 
-struct FittedParameters {
-  ParameterUncertainty uncertainty;
-  /// Keys of determined parameters that a filter cannot estimate.
-  std::vector<std::string> left_out;
-};
+/// \brief Standard deviations and correlations of the parameters that are determined, not at a
+/// bound and can be estimated by a filter. \param fit the fit. \param before the uncertainty in the
+/// scene that was fitted; `consider` is kept. \param written the scene with the fitted values. Its
+/// factors are 1, so the standard deviation of a factor is relative to the fitted value.
+ParameterUncertainty fitted_parameters(const Identification& fit,
+                                       const ParameterUncertainty& before, const Scene& written);
 
-/// \brief Standard deviations and correlations of the parameters that are determined and not at a
-/// bound.
-/// \param written the scene with the fitted values. Its factors are 1, so the standard deviation of
-/// a factor is relative to the fitted value.
-/// \return `consider` is that of the scene that was fitted.
-FittedParameters fitted_parameters(const Identification& fit, const Scene& written);
+/// Keys of determined parameters that a filter cannot estimate (can_be_filtered()).
+std::vector<std::string> not_filtered(const Identification& fit);
 
 }  // namespace sprag
