@@ -248,6 +248,18 @@ class PageTest(BrowserCase):
         page.wait("the chosen window", "sprag.curves.to - sprag.curves.from > 49")
         self.expect_quiet(page)
 
+    def test_window_of_a_recording_follows_the_period(self):
+        # 30 periods at 4.5 Hz are 6.7 s, also at a speed at which 2 s of wall time are 16 s of the machine.
+        events = self.file("events.csv")
+        subprocess.run([os.environ["MASTER_SIM"], scene("lab_rig"), "--no-lcm", "--speed", "max", "--duration", "20",
+                        "--events", events], check=True, capture_output=True)
+        for speed in ("8", "max"):
+            view = self.start_view("--replay", events, "--speed", speed, name="lab_rig", bus=False)
+            page = self.open_page(view.address)
+            page.wait("the window", "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001")
+            self.assertEqual(page.js("sprag.view.window"), 5)
+            self.end(view)
+
     def test_guaranteed_and_calibrated_bands_are_shown(self):
         tolerant = self.file("tolerant.toml")
         with open(scene()) as nominal, open(tolerant, "w") as own:

@@ -115,11 +115,12 @@
     else Object.assign(said, { from: view.from, to: view.to });
     send({ view: said });
   }
-  // Until the user selects a length, the window spans some periods of the machine, in bounds of wall time at any speed.
+  // Until the user selects a length, the window spans some periods of the machine, in bounds of wall time. A recording
+  // that is played faster than the machine went keeps the machine's bounds. `speed` null: as fast as possible.
   let chosen = false;
   function fitWindow(speed) {
-    const pace = speed === null ? 10 : speed;
-    const period = sprag.scene && sprag.scene.period;
+    const pace = sprag.scene.replay ? Math.min(speed ?? 1, 1) : speed ?? 10;
+    const { period } = sprag.scene;
     const wanted = period
       ? Math.min(Math.max(usualPeriods * period, leastWindow * pace), mostWindow * pace) : usualWindow * pace;
     const off = (length) => Math.abs(Math.log(length / wanted));
