@@ -152,6 +152,15 @@ BAND = """[...document.querySelectorAll('#curve-chart canvas')].reduce((sum, can
   const pixels = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
   return sum + pixels.filter((value, i) => i % 4 === 3 && Math.abs(value - 64) < 3).length;
 }, 0)"""
+# Number of pixels that are drawn in a chart.
+INK = """((id) => {
+  const canvas = document.querySelector(`#${id} canvas:not([style*="z-index"])`) ||
+    document.querySelector(`#${id} canvas`);
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  let inked = 0;
+  for (let i = 3; i < data.length; i += 4) if (data[i] > 128) inked += 1;
+  return inked;
+})(arguments[0])"""
 SHOWN = "({tick: '', vTick: '', ...document.getElementById('sprag').dataset, now: sprag.frame.now})"
 
 
@@ -202,6 +211,8 @@ class PageTest(BrowserCase):
         # Curves are sent less often than values: the last ones may be under way.
         wait_for("the extremes of V", extremes_are_shown)
         self.assertGreater(len(page.js("sprag.curves.energy.t")), 100)
+        self.assertFalse(page.js("document.getElementById('energy-part').hidden"))
+        self.assertTrue(page.js("document.getElementById('innovation-part').hidden"), "V is known")
         # Health.
         counts, refused = last_health(self.file("run.lcmlog"))
         shown = page.js("sprag.health.observer")
@@ -275,6 +286,28 @@ class PageTest(BrowserCase):
         self.assertTrue(all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None))
         self.expect_quiet(page)
 
+    def test_innovations_are_shown_in_place_of_an_unknown_V(self):
+        # An events file has no true states, like a real machine.
+        events, states = self.file("events.csv"), self.file("states.csv")
+        subprocess.run([os.environ["MASTER_SIM"], scene("lab_rig"), "--no-lcm", "--speed", "max", "--duration", "20",
+                        "--events", events], check=True, capture_output=True)
+        subprocess.run([os.environ["OBSERVER"], scene("lab_rig"), "--replay", events, "--states", states],
+                       check=True, capture_output=True)
+        wanted = {float(row["closing_t"]): float(row["filter_gap"]) / float(row["sigma_filter_gap"])
+                  for row in rows(states) if float(row["sigma_filter_gap"]) > 0.0}
+        page = self.open_page(self.start_view("--replay", events, "--speed", "max", name="lab_rig", bus=False).address)
+        page.choose("window", "50")
+        page.wait("all of the recording", "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from === 50")
+        shown = page.js("sprag.curves.innovation")
+        self.assertEqual(shown["t"], list(wanted))
+        for ratio, value in zip(shown["ratio"], wanted.values()):
+            self.assertAlmostEqual(ratio, value, delta=1e-5 * abs(value))
+        self.assertEqual(page.js("sprag.frame.innovation.ratio"), list(wanted.values())[-1])
+        hidden = "['energy-part', 'V-row', 'innovation-part', 'innovation-row'].map((id) => document.getElementById(id).hidden)"
+        self.assertEqual(page.js(hidden), [True, True, False, False])
+        self.assertGreater(page.js(INK, "innovation-chart"), 500)
+        self.expect_quiet(page)
+
     def shaken(self, stream):
         """The name of a scene with the shaker's record, which an observer takes from the bus if `stream`."""
         with open(scene("swept_beam")) as file:
@@ -290,15 +323,7 @@ class PageTest(BrowserCase):
     def expect_input_drawn(self, page):
         self.assertEqual(page.js("document.getElementById('input-title').textContent"),
                          "excitation acceleration [m/s^2]")
-        drawn = page.js("""(() => {
-          const canvas = document.querySelector('#input-chart canvas:not([style*="z-index"])') ||
-            document.querySelector('#input-chart canvas');
-          const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
-          let inked = 0;
-          for (let i = 3; i < data.length; i += 4) if (data[i] > 128) inked += 1;
-          return inked;
-        })()""")
-        self.assertGreater(drawn, 500)
+        self.assertGreater(page.js(INK, "input-chart"), 500)
 
     def test_recorded_input_is_shown(self):
         name = self.shaken(stream=False)

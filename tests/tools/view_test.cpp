@@ -278,6 +278,30 @@ TEST(Watch, ReplicaHasNoDeviations) {
   EXPECT_TRUE(std::isnan(watch.curves(0, {0.0, 1.0, 10}).estimate.values[0][0]));
 }
 
+TEST(Watch, InnovationsAreKeptOncePerClosing) {
+  Watch watch(two_carriages());
+  EXPECT_FALSE(watch.frame(0).innovation);
+  const auto settle = [&](std::int64_t tick, const Innovation& closing) {
+    EstimateSample sample = estimate_at(tick, 0.1, 0.01);
+    sample.confidence.filter = closing;
+    watch.take_settled(sample, {tick, 0});
+  };
+  settle(1, {});                          // before the first closing
+  settle(2, {0.015, 0, 1e-3, 0.0});       // without a prediction
+  settle(3, {0.025, 0, 1e-3, infinity});  // of unknown deviation
+  settle(4, {0.035, 0, -3e-3, 2e-3});
+  settle(5, {0.035, 0, -3e-3, 2e-3});
+  settle(6, {0.055, 0, 1e-3, 4e-3});
+  const Rows shown = watch.curves(0, {0.0, 1.0, 1000}).innovation;
+  EXPECT_EQ(shown.t, (std::vector<double>{0.035, 0.055}));
+  EXPECT_EQ(shown.values[0], (std::vector<double>{-1.5, 0.25}));
+  const std::optional<ClosingInnovation> last = watch.frame(7).innovation;
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->t, 0.055);
+  EXPECT_EQ(last->contact, 0);
+  EXPECT_EQ(last->ratio, 0.25);
+}
+
 // c = 0.1: the gap is 0.1 + q2.
 TEST(Watch, AnEstimateInsideASupportIsMarked) {
   Watch watch(two_carriages());

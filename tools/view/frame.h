@@ -35,6 +35,13 @@ struct Energy {
   double t = 0.0, V = 0.0;
 };
 
+/// The filter's innovation at a reported closing.
+struct ClosingInnovation {
+  double t = 0.0;
+  int contact = 0;     ///< from 0
+  double ratio = 0.0;  ///< gap of the estimate just before, over its standard deviation
+};
+
 struct Suspect {
   double t = 0.0;
   int contact = 0;  ///< from 0
@@ -61,10 +68,11 @@ struct Frame {
   bool from_filter = false;
   double penetration = 0.0;  ///< depth of the estimate inside a support [m]; 0: no penetration
   EstimatorShown estimator = EstimatorShown::unknown;
-  std::optional<Shown> now;      ///< latest provisional estimate
-  std::optional<Shown> settled;  ///< latest settled estimate
-  std::optional<Shown> truth;    ///< true state, if a simulated machine publishes it
-  std::optional<Energy> energy;  ///< last row, computed as in sync_logger
+  std::optional<Shown> now;                     ///< latest provisional estimate
+  std::optional<Shown> settled;                 ///< latest settled estimate
+  std::optional<Shown> truth;                   ///< true state, if a simulated machine publishes it
+  std::optional<Energy> energy;                 ///< last row, computed as in sync_logger
+  std::optional<ClosingInnovation> innovation;  ///< the last one
   double bound = std::numeric_limits<double>::infinity();
   std::int64_t inconsistencies = 0;
   std::optional<Suspect> suspect;  ///< the latest
@@ -89,6 +97,7 @@ struct Curves {
   Rows truth;       ///< one column
   Rows energy;      ///< V
   Rows bound;       ///< B
+  Rows innovation;  ///< ClosingInnovation::ratio
   std::vector<std::vector<Closure>> closures;  ///< by contact
   std::vector<Closure> penetrating;            ///< when the settled estimate was inside a support
   Rows input;                                  ///< the recorded or streamed input, one column

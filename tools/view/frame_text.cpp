@@ -171,6 +171,16 @@ void put_frame(const Frame& frame, JsonText& to) {
   } else {
     to.null();
   }
+  to.key("innovation");
+  if (frame.innovation) {
+    to.open('{');
+    to.member("t", frame.innovation->t);
+    to.member("contact", std::int64_t{frame.innovation->contact} + 1);
+    to.member("ratio", frame.innovation->ratio);
+    to.close('}');
+  } else {
+    to.null();
+  }
   to.member("bound", frame.bound);
   to.member("speed", frame.speed);
   to.member("inconsistencies", frame.inconsistencies);
@@ -218,6 +228,7 @@ void put_curves(const Curves& curves, const Watch& watch, std::pair<double, doub
   put_rows("truth", curves.truth, {"value"}, to);
   put_rows("energy", curves.energy, {"V"}, to);
   put_rows("bound", curves.bound, {"B"}, to);
+  put_rows("innovation", curves.innovation, {"ratio"}, to);
   put_rows("input", curves.input, {"value"}, to);
   to.key("raster");
   to.open('[');

@@ -111,6 +111,7 @@ Watch::Watch(const Scene& scene, Freshness freshness)
       truths_(quantities_.size(), history_memory),
       bounds_(1, history_memory),
       energies_(1, history_memory),
+      innovations_(1, history_memory),
       inputs_(1, history_memory),
       streamed_(scene.stream_duration > 0.0) {
   const std::vector<RecordedInput> records = recorded_inputs(scene);
@@ -134,8 +135,8 @@ bool Watch::follows(std::int64_t session, std::int64_t utime, const Arrival& arr
 
 void Watch::begin(std::int64_t session) {
   session_ = session;
-  for (History* history :
-       {&estimates_, &outputs_, &guaranteed_, &truths_, &bounds_, &energies_, &inputs_}) {
+  for (History* history : {&estimates_, &outputs_, &guaranteed_, &truths_, &bounds_, &energies_,
+                           &innovations_, &inputs_}) {
     history->clear();
   }
   raster_.clear();
@@ -146,6 +147,7 @@ void Watch::begin(std::int64_t session) {
   settled_.reset();
   latest_.reset();
   energy_.reset();
+  innovation_.reset();
   parameters_.reset();
   inconsistencies_ = 0;
   estimate_arrival_ = truth_arrival_ = never;
@@ -285,6 +287,7 @@ void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
     suspects_.push_back({last.t, last.contact, last.suspicion});
     if (suspects_.size() > most_suspects) suspects_.pop_front();
   }
+  add_innovation(sample.confidence.filter);
   add_energy(pairing_.add_estimate(sample));
 }
 
@@ -330,6 +333,16 @@ void Watch::add_energy(const SyncRow* row) {
   if (row == nullptr) return;
   energy_ = Energy{row->k, row->t, row->energy[0]};
   energies_.add(row->t, std::span(&row->energy[0], 1));
+}
+
+// Every estimate carries the last closing, so the history takes each closing once. Of several
+// closings within a tick only the last one arrives.
+void Watch::add_innovation(const Innovation& closing) {
+  const bool predicted = closing.deviation > 0.0 && std::isfinite(closing.deviation);
+  const double ratio = predicted ? closing.gap / closing.deviation : nan;
+  if (predicted && innovations_.add(closing.t, std::span(&ratio, 1))) {
+    innovation_ = ClosingInnovation{closing.t, closing.contact, ratio};
+  }
 }
 
 void Watch::take(const OutputsSample& sample, const Arrival& arrival) {
@@ -458,6 +471,7 @@ Frame Watch::frame(std::int64_t now) const {
   if (latest_) frame.now = shown(*latest_);
   if (!truth_.empty()) frame.truth = shown(truth_.back());
   frame.energy = energy_;
+  frame.innovation = innovation_;
   frame.speed = speed_;
   frame.inconsistencies = inconsistencies_;
   if (!suspects_.empty()) frame.suspect = suspects_.back();
@@ -540,6 +554,7 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
   curves.truth = truths_.thinned(window, own);
   curves.energy = energies_.thinned(window, first);
   curves.bound = bounds_.thinned(window, first);
+  curves.innovation = innovations_.thinned(window, first);
   curves.input = input_in(window);
 
   // Provisional estimates continue the curve after the last settled estimate.

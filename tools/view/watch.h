@@ -83,6 +83,7 @@ class Watch {
   std::vector<double> estimate_row(const EstimateSample& sample) const;
   double penetration_of(const EstimateSample& sample) const;
   void add_energy(const SyncRow* row);
+  void add_innovation(const Innovation& closing);
   const EstimateSample* shown_estimate() const;
   const StateSample* nearest_truth(double t) const;
   bool runs_free(std::int64_t now) const;
@@ -103,13 +104,14 @@ class Watch {
   std::deque<Suspect> suspects_;
   Pairing pairing_;
 
-  History estimates_;   // low, mean and high of each gap and coordinate
-  History outputs_;     // low, mean and high of each output
-  History guaranteed_;  // low and high guaranteed bound of each quantity
-  History truths_;      // the machine's value of each quantity
-  History bounds_;      // B
-  History energies_;    // V
-  History inputs_;      // samples of a streamed excitation
+  History estimates_;    // low, mean and high of each gap and coordinate
+  History outputs_;      // low, mean and high of each output
+  History guaranteed_;   // low and high guaranteed bound of each quantity
+  History truths_;       // the machine's value of each quantity
+  History bounds_;       // B
+  History energies_;     // V
+  History innovations_;  // ratio of ClosingInnovation
+  History inputs_;       // samples of a streamed excitation
 
   SampledInputPointer
       input_;  // the record that is drawn, or that of a streamed excitation; or null
@@ -123,6 +125,7 @@ class Watch {
   std::optional<EstimateSample> latest_;  // the latest provisional estimate
   std::deque<StateSample> truth_;         // the last states of the machine
   std::optional<Energy> energy_;
+  std::optional<ClosingInnovation> innovation_;
   std::optional<ParametersSample> parameters_;
   std::optional<Health> health_;
   std::int64_t inconsistencies_ = 0;

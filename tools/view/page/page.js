@@ -316,7 +316,7 @@
   }
 
   // ---- curves ----
-  let curveChart = null, energyChart = null, inputChart = null;
+  let curveChart = null, energyChart = null, innovationChart = null, inputChart = null;
   let frozen = false; // new curves wait in `waiting`; set by pointerdown in a chart, cleared by pointerup or zoom
   let applying = false;
 
@@ -398,6 +398,16 @@
     c.restore();
   }
 
+  // Shades two sigma to either side of zero.
+  function shadeTwoSigma(c, area, chart) {
+    const top = Math.max(area.y, chart.toDomYCoord(2)), bottom = Math.min(area.y + area.h, chart.toDomYCoord(-2));
+    c.save();
+    c.globalAlpha = 0.25;
+    c.fillStyle = style.estimate;
+    c.fillRect(area.x, top, area.w, bottom - top);
+    c.restore();
+  }
+
   function makeCharts() {
     // dygraphs' legend sets inline styles, which the page's Content-Security-Policy forbids; the page has its own.
     Dygraph.PLUGINS = Dygraph.PLUGINS.filter((plugin) => plugin !== Dygraph.Plugins.Legend);
@@ -422,6 +432,11 @@
       axes: axes({ ticker: (low, high, pixels) => logTicks(low, high, pixels) }), valueRange: [1e-3, 1],
       series: { V: { strokeWidth: 2 }, B: { strokeWidth: 1.6, strokePattern: [7, 4] } },
     }, common));
+    innovationChart = new Dygraph(byId("innovation-chart"), [[0, null]], Object.assign({
+      labels: ["t", "innovation"], axes: axes({}), dateWindow: [0, 20], valueRange: [-3, 3],
+      drawPoints: true, pointSize: 2.5, strokeWidth: 0, underlayCallback: shadeTwoSigma,
+    }, common));
+    byId("innovation-part").hidden = true; // only now: a chart takes its size from its visible element
     if (sprag.scene.input) {
       byId("input-part").hidden = false;
       put(byId("input-title"), sprag.scene.input);
@@ -429,7 +444,7 @@
         labels: ["t", "input"], axes: axes({ pixelsPerLabel: 22 }), dateWindow: [0, 20], series: { input: { strokeWidth: 1.4 } },
       }, common));
     }
-    for (const id of ["curve-chart", "input-chart", "energy-chart"]) {
+    for (const id of ["curve-chart", "input-chart", "energy-chart", "innovation-chart"]) {
       byId(id).addEventListener("pointerdown", () => { frozen = true; }, true);
     }
     for (const name of ["pointerup", "pointercancel"]) {
@@ -442,7 +457,7 @@
     recolour();
   }
 
-  function charts() { return [curveChart, inputChart, energyChart].filter((chart) => chart); }
+  function charts() { return [curveChart, inputChart, energyChart, innovationChart].filter((chart) => chart); }
 
   function recolour() {
     readStyle();
@@ -452,6 +467,7 @@
     curveChart.updateOptions(Object.assign({ colors: [style.estimate, style.ink] }, common), false);
     if (inputChart) inputChart.updateOptions(Object.assign({ colors: [style.ink] }, common), false);
     energyChart.updateOptions(Object.assign({ colors: [style.estimate, style.replica] }, common), false);
+    innovationChart.updateOptions(Object.assign({ colors: [style.estimate] }, common), false);
     applying = false;
   }
 
@@ -500,6 +516,20 @@
     return [bottom - 0.06 * (top - bottom), top + 0.06 * (top - bottom)];
   }
 
+  // A real machine publishes no true state, so nothing gives V. The innovations then show how good the estimate is.
+  function showsInnovation(frame) { return frame.truth === null && frame.innovation !== null; }
+
+  function choosePart(curves) {
+    const innovations = showsInnovation(sprag.frame);
+    const hide = (id, chart, hidden) => {
+      if (byId(id).hidden === hidden) return;
+      byId(id).hidden = hidden;
+      if (!hidden) chart.resize();
+    };
+    hide("energy-part", energyChart, innovations && !curves.bound.B.some((B) => B !== null));
+    hide("innovation-part", innovationChart, !innovations);
+  }
+
   function drawCurves(curves) {
     const dateWindow = windowOf(curves);
     const nothing = [null, null, null];
@@ -523,7 +553,14 @@
     const valueRange = high > 0 ? [low / 2, high * 3] : [1e-3, 1];
     applying = true;
     curveChart.updateOptions({ file: rows, dateWindow, valueRange: heights });
+    choosePart(curves);
     energyChart.updateOptions({ file: energies, dateWindow, valueRange });
+    const { t: closings, ratio } = curves.innovation;
+    const reach = 1.1 * ratio.reduce((most, y) => Math.max(most, Math.abs(y)), 3 / 1.1);
+    innovationChart.updateOptions({
+      file: closings.length > 0 ? closings.map((at, i) => [at, ratio[i]]) : [[dateWindow[0], null]],
+      dateWindow, valueRange: [-reach, reach],
+    });
     if (inputChart) {
       const { t, value } = curves.input;
       const file = t.length > 0 ? t.map((at, i) => [at, value[i]]) : [[dateWindow[0], null]];
@@ -598,6 +635,11 @@
     const t = frame.machine.estimate || frame.machine.truth ? frame.machine.t : null;
     put(byId("t"), t === null ? "–" : t.toFixed(3) + " s", t);
     put(byId("V"), frame.energy ? short(frame.energy.V) : "no truth to compare with", frame.energy ? frame.energy.V : null);
+    byId("V-row").hidden = showsInnovation(frame);
+    byId("innovation-row").hidden = !showsInnovation(frame);
+    if (frame.innovation) {
+      put(byId("innovation"), short(frame.innovation.ratio) + ", contact " + frame.innovation.contact, frame.innovation.ratio);
+    }
     put(byId("bound"), frame.bound === null ? "not known" : short(frame.bound), frame.bound);
     put(byId("suspect"), frame.suspect
       ? frame.suspect.suspicion + ", contact " + frame.suspect.contact + " at " + short(frame.suspect.t) + " s" : "none");
