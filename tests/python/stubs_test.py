@@ -24,7 +24,8 @@ class StubsTest(unittest.TestCase):
 
     def test_the_package_is_typed(self):
         cache = str(BUILD / "mypy_cache")
-        done = self.mypy("mypy", "--strict", "--cache-dir", cache, "sprag")
+        settings = ["--config-file", str(SOURCE / "pyproject.toml"), "--cache-dir", cache]
+        done = self.mypy("mypy", *settings, "sprag")
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
 
 

@@ -1,0 +1,245 @@
+"""CSV files of the programs as tables of numbers, told apart by their headers.
+
+A file is read up to its damage, which its table describes. Nothing here needs the compiled part of
+the package.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from ._command import require
+from ._errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+    import pandas as pd
+
+    Numbers = npt.NDArray[np.float64]
+
+Kind = Literal["states", "events", "impacts", "predictions", "energy", "study"]
+
+# The columns with which each kind of file begins.
+HEADERS: dict[Kind, list[str]] = {
+    "states": ["k", "t", "q1"],
+    "energy": ["k", "t", "V"],
+    "events": ["t", "contact", "closed"],
+    "impacts": ["t", "contact", "kind"],
+    "predictions": ["made_at", "certain_until", "t", "contact"],
+    "study": ["index", "point", "run"],
+}
+TEXT_COLUMNS = ("kind", "note", "failure")  # all others hold numbers
+MOST_CONTACTS = 60
+
+
+@dataclass
+class Table:
+    """Rows of one file, without those from its first damage on.
+
+    Columns are numbers, nan where a cell is none, but for TEXT_COLUMNS.
+    """
+
+    kind: Kind
+    label: str  # name of its curves
+    data: pd.DataFrame
+    file: Path
+    damage: str = ""  # file, line and what is wrong there
+    spurious: int = 0  # rows of events that are marked as spurious, which are left out
+
+    @property
+    def is_estimate(self) -> bool:
+        """Whether states are those of an estimate, which has columns about its own error."""
+        return self.kind == "states" and any(
+            name == "B" or name.startswith(("sigma_", "bound_")) for name in self.data
+        )
+
+    @property
+    def coordinates(self) -> int:
+        """Number f of columns q1 ... qf."""
+        f = 0
+        while f"q{f + 1}" in self.data:
+            f += 1
+        return f
+
+    def column(self, name: str) -> Numbers:
+        """The numbers of a column, of shape (rows,)."""
+        numbers: Numbers = self.data[name].to_numpy(float)
+        return numbers
+
+
+def read_table(file: str | Path, label: str = "") -> Table:
+    """Reads a file of any Kind up to its damage; the default label is its name without suffix.
+
+    Raises InputError if the file cannot be read or its header is that of no Kind.
+    """
+    path = Path(file)
+    try:
+        lines = path.read_bytes().removeprefix(b"\xef\xbb\xbf").splitlines(keepends=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read: {reason}") from None
+    header = _fields(lines[0]) if lines else []
+    kind = next((k for k, first in HEADERS.items() if header[: len(first)] == first), None)
+    if kind is None:
+        known = "; ".join(f"{','.join(first)} ({k})" for k, first in HEADERS.items())
+        raise InputError(f"{path}:1: the header is none of a table of Sprag, which begins {known}")
+    whole, damage = _whole_rows(lines, len(header))
+    data = _numbers(b"".join(lines[1 : whole + 1]), header)
+    if kind in ("events", "impacts", "predictions"):
+        bad = _first_bad_contact(data, kind)
+        if bad is not None:
+            contact = _fields(lines[bad + 1])[header.index("contact")]
+            damage = f"{bad + 2}: contact {contact}; must be a whole number in 1 to {MOST_CONTACTS}"
+            data = data.iloc[:bad]
+    table = Table(kind, label or path.stem, data, path, f"{path}:{damage}" if damage else "")
+    if kind == "events" and "note" in data:
+        kept = data["note"] != "spurious"
+        table.spurious = int((~kept).sum())
+        table.data = data[kept].reset_index(drop=True)
+    return table
+
+
+def _fields(line: bytes) -> list[str]:
+    return line.decode(errors="surrogateescape").rstrip("\r\n").split(",")
+
+
+def _whole_rows(lines: Sequence[bytes], columns: int) -> tuple[int, str]:
+    """Number of rows before the first damaged one, with its line and its damage."""
+    for i, line in enumerate(lines[1:]):
+        if not line.endswith((b"\n", b"\r")):
+            return i, f"{i + 2}: truncated line (no end of line)"
+        if line.count(b",") + 1 != columns:
+            return i, f"{i + 2}: {line.count(b',') + 1} fields; the header has {columns}"
+    return max(0, len(lines) - 1), ""
+
+
+def _numbers(rows: bytes, header: Sequence[str]) -> pd.DataFrame:
+    pd = require("pandas", "python3-pandas", "reading of tables")
+    texts = {i: str for i, name in enumerate(header) if name in TEXT_COLUMNS}
+    data = pd.read_csv(
+        io.BytesIO(rows),
+        header=None,
+        names=range(len(header)),
+        index_col=False,
+        dtype=texts,
+        keep_default_na=False,
+        na_values={i: ["", "nan", "-nan"] for i in range(len(header)) if i not in texts},
+        quoting=csv.QUOTE_NONE,
+        skip_blank_lines=False,
+        float_precision="round_trip",
+        encoding_errors="surrogateescape",
+    )
+    for i in data:
+        if i not in texts:
+            data[i] = pd.to_numeric(data[i], errors="coerce").astype(float)
+    columns = pd.Index(header)
+    return data.set_axis(columns, axis=1).loc[:, ~columns.duplicated()]
+
+
+def _first_bad_contact(data: pd.DataFrame, kind: Kind) -> int | None:
+    contact = data["contact"]
+    good = (contact >= 1) & (contact <= MOST_CONTACTS) & (contact % 1 == 0)
+    if kind == "predictions":  # one without an event has no contact
+        good |= contact.isna()
+    return None if good.all() else int((~good).to_numpy().argmax())
+
+
+@dataclass
+class Study:
+    """Rows of a study, of all its shards."""
+
+    name: str
+    axes: list[str]  # keys that vary, one of each group; empty without a manifest
+    rows: pd.DataFrame
+    damage: list[str]
+
+
+def is_study(file: str | Path) -> bool:
+    """Whether a file has the header of the rows of a study."""
+    try:
+        with open(file, "rb") as stream:
+            return _fields(stream.readline(1 << 20))[:3] == HEADERS["study"]
+    except (OSError, ValueError):
+        return False
+
+
+def manifest_of(rows: str | Path) -> Path:
+    """The manifest of rows: rows*.csv has manifest.json, others their own name with .json."""
+    path = Path(rows)
+    if path.stem.startswith("rows"):
+        return path.with_name("manifest.json")
+    return path.with_suffix(".json")
+
+
+def read_study_rows(files: Sequence[str | Path]) -> Study:
+    """Reads the only file of a study, or its shards, with the manifest beside them.
+
+    Raises InputError if a file or a manifest cannot be read, or if headers differ.
+    """
+    pd = require("pandas", "python3-pandas", "reading of tables")
+    tables = [read_table(file) for file in files]
+    study = Study(tables[0].file.absolute().parent.name, [], tables[0].data, [])
+    for table in tables:
+        if list(table.data) != list(tables[0].data):
+            raise InputError(f"{table.file}:1: the header is not that of the first file")
+        if table.damage:
+            study.damage.append(table.damage)
+        if not study.axes:
+            _read_manifest(manifest_of(table.file), study)
+    study.rows = pd.concat([table.data for table in tables], ignore_index=True)
+    return study
+
+
+def _read_manifest(file: Path, study: Study) -> None:
+    if not file.exists():
+        return
+    try:
+        manifest = json.loads(file.read_text(encoding="utf-8", errors="surrogateescape"))
+        study.name = str(manifest["name"])
+        groups = set()
+        for axis in manifest["axes"]:
+            if "group" not in axis or axis["group"] not in groups:
+                study.axes.append(str(axis["path"]))
+            groups.add(axis.get("group"))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: no manifest of a study: {error}") from None
+
+
+@dataclass
+class Closures:
+    """When a contact is closed: impacts, and stretches [from, to] of longer contact."""
+
+    impacts: list[float]
+    stretches: list[tuple[float, float]]
+
+    @property
+    def begins(self) -> list[float]:
+        """Times at which the contact closes, ascending."""
+        return sorted([*self.impacts, *(begin for begin, _ in self.stretches)])
+
+
+def closures(events: pd.DataFrame, end: float) -> dict[int, Closures]:
+    """Closures of each contact by its number; a contact that stays closed does so up to `end`."""
+    result: dict[int, Closures] = {}
+    for contact, rows in events.groupby("contact"):
+        found = result.setdefault(int(contact), Closures([], []))
+        since: float | None = None
+        for t, closed in zip(rows["t"], rows["closed"]):
+            if closed > 0.5:
+                since = t
+            elif since == t:
+                found.impacts.append(t)
+                since = None
+            elif since is not None:
+                found.stretches.append((since, t))
+                since = None
+        if since is not None:
+            found.stretches.append((since, max(end, since)))
+    return result
