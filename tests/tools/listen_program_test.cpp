@@ -74,7 +74,7 @@ struct Recorded {
   double horizon = -1.0;  // of the last message
 };
 
-/// The events of a log, by session. Sessions may overlap by their last messages.
+/// The events of a log, by session. Each session ends before the next one begins.
 Recorded read_log(const std::filesystem::path& file, const std::optional<Key>& key = std::nullopt) {
   Recorded result;
   std::vector<std::int64_t> known;
@@ -92,6 +92,7 @@ Recorded read_log(const std::filesystem::path& file, const std::optional<Key>& k
       result.sessions.emplace_back();
       found = known.end() - 1;
     }
+    EXPECT_EQ(found, known.end() - 1) << "an ended session sends on";
     auto& events = result.sessions[static_cast<std::size_t>(found - known.begin())];
     const auto first = message.records_total - message.records;
     EXPECT_LE(first, std::ssize(events)) << "events are missing between two messages";
@@ -325,6 +326,26 @@ TEST_F(ListenProgramTest, ADeviceThatRestartsBeginsANewSession) {
                                                     {{0.01, 1, closes}, {0.03, 1, opens}}}));
   EXPECT_EQ(report()["sessions"], 2);
   EXPECT_NE(process.err().find("was restarted"), std::string::npos);
+}
+
+// A session that has ended must not send beside the next one.
+TEST_F(ListenProgramTest, ARestartOfAnUnpacedDeviceIsTwoRunsOfAReplay) {
+  for (int repetition = 0; repetition < 5; ++repetition) {
+    Wire wire;
+    Process& process = start_at_pipe({"--speed", "max", "--pulse-shorter-than", "0.003"}, wire);
+    wire.send("1,1,1\n1.001,1,0\n2,1,1\n2.001,1,0\n0.5,1,1\n0.501,1,0\n");
+    wire.hang_up();
+    EXPECT_EQ(process.wait(patience), 0) << process.err();
+    std::filesystem::remove(path("pipe"));
+    Process& replay = start({OBSERVER, scene_, "--replay", path("run.lcmlog"), "--events",
+                             path("events.csv"), "--report", path("replay.json")});
+    EXPECT_EQ(replay.wait(patience), 0) << replay.err();
+    EXPECT_EQ(read_text(directory_ / "events.csv"),
+              "t,contact,closed\n1,1,1\n1,1,0\n2,1,1\n2,1,0\n0.5,1,1\n0.5,1,0\n");
+    const auto replayed = nlohmann::json::parse(read_text(directory_ / "replay.json"));
+    EXPECT_EQ(replayed["messages"]["sessions"], 2);
+    EXPECT_EQ(replayed["messages"]["of_other_masters"], 0);
+  }
 }
 
 TEST_F(ListenProgramTest, ASerialPortThatWasGoneIsOpenedAgain) {

@@ -29,25 +29,52 @@ void ListenPublication::write(std::string_view channel,
 }
 
 void ListenPublication::events(std::span<const ContactEvent> events, double watermark) {
-  for (const ContactEvent& event : events) {
-    if (publisher_->take(event)) ++published_;
-  }
-  publisher_->set_horizon(watermark);
+  publish([this, taken = std::vector(events.begin(), events.end()), watermark] {
+    for (const ContactEvent& event : taken) {
+      if (publisher_->take(event)) ++published_;
+    }
+    publisher_->set_horizon(watermark);
+  });
 }
 
-void ListenPublication::start_input(double t0, double dt) { publisher_->start_input(t0, dt); }
+void ListenPublication::start_input(double t0, double dt) {
+  publish([this, t0, dt] { publisher_->start_input(t0, dt); });
+}
 
-void ListenPublication::sample(std::int64_t k, double value) { publisher_->take_sample(k, value); }
+void ListenPublication::sample(std::int64_t k, double value) {
+  publish([this, k, value] { publisher_->take_sample(k, value); });
+}
 
-// Lines of the new session wait for nothing: the old one ends in a thread of its own.
+// Final messages take 0.2 s. Lines are read on meanwhile, since they may be stamped on arrival.
+// The new session sends nothing until then: a receiver would see two masters.
 void ListenPublication::new_session() {
-  if (closing_.size() == most_closing) closing_.erase(closing_.begin());
-  closing_.emplace_back([this, old = std::move(publisher_)] {
-    old->close();
-    sent_ += old->sent();
-    unsent_ += old->unsent();
+  open();
+  closed_ = false;
+  closing_ = std::jthread([this] {
+    publisher_->close();
+    closed_ = true;
   });
+}
+
+void ListenPublication::pass() {
+  if (closed_) open();
+}
+
+// Begins the next session if one was ended.
+void ListenPublication::open() {
+  if (!closing_.joinable()) return;
+  closing_.join();
+  sent_ += publisher_->sent();
+  unsent_ += publisher_->unsent();
   publisher_ = std::make_unique<EventPublisher>(contacts_, settings_);
+  for (const auto& action : std::exchange(waiting_, {})) action();
+}
+
+// Runs the action now, or once the next session is open.
+void ListenPublication::publish(std::function<void()> action) {
+  pass();
+  if (!closing_.joinable()) return action();
+  waiting_.push_back(std::move(action));
 }
 
 void ListenPublication::problem(const LineProblem& problem) {
@@ -75,8 +102,8 @@ void ListenPublication::flush() {
 
 void ListenPublication::finish() {
   if (std::exchange(finished_, true)) return;
+  open();
   publisher_->close();
-  closing_.clear();
   const std::lock_guard lock(log_mutex_);
   if (log_ && !log_->close()) throw std::runtime_error(log_->error());
 }

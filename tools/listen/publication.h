@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -37,6 +38,9 @@ class ListenPublication : public IntakeSink {
   void problem(const LineProblem& problem) override;
   void notice(const std::string& text) override;
 
+  /// Called several times a second: begins a new session as soon as the old one has ended.
+  void pass();
+
   /// Writes the recording so far to the disk. Once, if that fails, prints a message.
   void flush();
 
@@ -45,16 +49,16 @@ class ListenPublication : public IntakeSink {
   void finish();
 
   /// Counts; complete after finish().
-  std::int64_t messages() const { return sent_ + (publisher_ ? publisher_->sent() : 0); }
-  std::int64_t unsent() const { return unsent_ + (publisher_ ? publisher_->unsent() : 0); }
+  std::int64_t messages() const { return sent_ + publisher_->sent(); }
+  std::int64_t unsent() const { return unsent_ + publisher_->unsent(); }
   std::int64_t published() const { return published_; }  ///< events
 
  private:
   /// At most this many messages of one kind; the others are counted.
   static constexpr std::int64_t most_shown = 20;
 
-  static constexpr std::size_t most_closing = 4;
-
+  void open();
+  void publish(std::function<void()> action);
   void write(std::string_view channel, std::span<const std::uint8_t> message) noexcept;
 
   int contacts_;
@@ -63,8 +67,12 @@ class ListenPublication : public IntakeSink {
   std::mutex log_mutex_;
   std::optional<ChannelLogWriter> log_;
   std::unique_ptr<EventPublisher> publisher_;
-  std::vector<std::jthread> closing_;  // earlier publishers, which send their last messages
-  std::atomic<std::int64_t> sent_ = 0, unsent_ = 0;  // of these
+  // Sends the final messages of publisher_, whose session has ended. Joinable from new_session()
+  // until the next session is open.
+  std::jthread closing_;
+  std::atomic<bool> closed_ = false;            // closing_ is done
+  std::vector<std::function<void()>> waiting_;  // for the next session, in order
+  std::int64_t sent_ = 0, unsent_ = 0;          // of earlier sessions
   std::int64_t published_ = 0;
   std::int64_t problems_ = 0, notices_ = 0;
   bool finished_ = false;

@@ -152,6 +152,7 @@ int run_listen(ListenRun run, const Scene& scene, const CommonOptions& common,
     if (count > 0 && ready.revents != 0) more = source->read(intake, publication, now);
     source->revive(publication, now);
     intake.pass(now);
+    publication.pass();
     if (now < next_progress) continue;
     next_progress = now + progress_interval;
     publication.flush();
