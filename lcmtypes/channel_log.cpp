@@ -123,6 +123,8 @@ bool ChannelLogReader::next(ChannelRecord& record) {
     const std::string_view bytes = file_.ahead(size);
     const auto* data = reinterpret_cast<const std::uint8_t*>(bytes.data()) + head_size;
     record.number = head.number;
+    record.appended = last_number_ && head.number <= *last_number_;
+    last_number_ = head.number;
     record.utime = head.utime;
     record.channel = bytes.substr(head_size, head.channel_length);
     record.data.assign(data + head.channel_length, data + head.channel_length + head.data_length);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -20,6 +21,9 @@ struct ChannelRecord {
   std::int64_t utime = 0;   ///< wall clock at arrival [us]
   std::string channel;
   std::vector<std::uint8_t> data;
+  /// First record of a recording that was appended to others, as by cat or lcm-logger --append: its
+  /// event number is not greater than the one before.
+  bool appended = false;
 };
 
 /// A range of bytes of a log that contains no valid record.
@@ -60,6 +64,7 @@ class ChannelLogReader {
   void pass_over(std::string what);
 
   InputFile file_;
+  std::optional<std::int64_t> last_number_;
   std::vector<LogDamage> damages_;
 };
 

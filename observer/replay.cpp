@@ -124,7 +124,7 @@ class Replay {
     if (counts.received == 0 && !log.empty()) {
       std::cerr << name << ": no message on " << contacts_channel << '\n';
     }
-    for (const std::string& problem : log.problems()) std::cerr << problem << '\n';
+    for (const std::string& problem : log.problems(counts)) std::cerr << problem << '\n';
     for (const LogDamage& damage : log.damages()) {
       report["damage"].push_back(
           {{"from", damage.begin}, {"to", damage.end}, {"what", damage.what}});

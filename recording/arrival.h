@@ -9,6 +9,8 @@ namespace sprag {
 struct Arrival {
   std::int64_t monotonic = 0;  ///< [ns], from an arbitrary origin
   std::int64_t wall = 0;       ///< [us]
+  /// First message of a recording that was appended to others in one log.
+  bool appended = false;
 };
 
 /// Wall time from the sending of a message to its arrival [us]; meaningful if the clocks of both

@@ -104,7 +104,8 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss after_loss,
     add(gap, recorded.gaps);
   }
   recorded.whole = log.damages().empty();
-  for (std::string& problem : log.problems()) recorded.problems.push_back(std::move(problem));
+  for (std::string& problem : log.problems(sessions.counts()))
+    recorded.problems.push_back(std::move(problem));
   return recorded;
 }
 

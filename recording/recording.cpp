@@ -15,8 +15,10 @@ namespace {
 
 // The time assigned to arrivals advances at least by this with every record, since the time stamps
 // of a log need not.
-constexpr std::int64_t least_step = 1'000'000;  // ns
-constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;
+constexpr std::int64_t least_step = 1'000'000;                                    // ns
+constexpr std::int64_t latest = std::numeric_limits<std::int64_t>::max() / 4000;  // us
+// Time between the recordings of a log that was joined from several.
+constexpr std::int64_t pause = 1'000'000'000;  // ns
 
 }  // namespace
 
@@ -33,7 +35,7 @@ RecordedMessages::RecordedMessages(InputFile file, int contacts, const ContactCl
       clock_(clock),
       key_(&key) {}
 
-std::vector<std::string> RecordedMessages::problems() const {
+std::vector<std::string> RecordedMessages::problems(const MessageCounts& counts) const {
   constexpr std::size_t most = 20;
   std::vector<std::string> lines;
   const std::vector<LogDamage>& damages = log_.damages();
@@ -50,6 +52,18 @@ std::vector<std::string> RecordedMessages::problems() const {
                                damage.what + "; left out, the rest is used"));
   }
   if (empty()) lines.push_back(name_ + ": is empty");
+  const auto add_left_out = [&](std::int64_t count, const char* why) {
+    if (count == 0) return;
+    lines.push_back(name_ + ": " + std::to_string(count) +
+                    (count == 1 ? " message is left out, " : " messages are left out, ") + why);
+  };
+  add_left_out(counts.of_other_masters,
+               "of other masters, which sent while the one that is used was not silent; to use "
+               "another one, record it alone");
+  add_left_out(counts.of_past_sessions,
+               "of masters that another one had replaced; to use them, record them alone");
+  if (any_appended_)
+    add_left_out(counts.doubled, "since they are repeated: the same recording was appended twice");
   return lines;
 }
 
@@ -79,6 +93,7 @@ bool RecordedMessages::take_input() {
 
 bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
   while (log_.next(record_)) {
+    appended_ |= record_.appended;
     if (take_input() || record_.channel != contacts_channel) continue;
     const auto message = authentic();
     if (!message) continue;
@@ -88,8 +103,10 @@ bool RecordedMessages::next(ContactMessage& report, Arrival& arrival) {
     }
     to_machine_time(clock_, report);
     const std::int64_t utime = std::clamp<std::int64_t>(record_.utime, 0, latest);
-    now_ = std::max(1000 * utime, now_ + least_step);
-    arrival = {now_, utime};
+    if (appended_) origin_ = std::min(now_ + pause, 1000 * latest) - 1000 * utime;
+    any_appended_ |= appended_;
+    now_ = std::max(origin_ + 1000 * utime, now_ + least_step);
+    arrival = {now_, utime, std::exchange(appended_, false)};
     return true;
   }
   return false;

@@ -12,6 +12,7 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/key.h"
 #include "recording/arrival.h"
+#include "recording/session_tracker.h"
 #include "sprag/contact_clock.h"
 #include "sprag/detail/events/contact_message.h"
 #include "sprag/detail/events/input_message.h"
@@ -40,9 +41,10 @@ class RecordedMessages {
   bool empty() const { return log_.empty(); }
   const std::vector<LogDamage>& damages() const { return log_.damages(); }
 
-  /// Problems of the log, valid after next() has returned false: one line for the user about each
-  /// of the first 20 damaged parts and one about the others, or that the log is empty.
-  std::vector<std::string> problems() const;
+  /// Problems of the log, valid after next() has returned false: a line for the user about each of
+  /// the first 20 damaged parts and one about the others, or that the log is empty; and lines about
+  /// the messages that the session tracker with these counts has left out.
+  std::vector<std::string> problems(const MessageCounts& counts) const;
 
  private:
   std::optional<std::span<const std::uint8_t>> authentic();
@@ -54,7 +56,10 @@ class RecordedMessages {
   ContactClock clock_;
   const std::optional<Key>* key_;
   ChannelRecord record_;
-  std::int64_t now_ = 0;  // ns
+  std::int64_t now_ = 0;     // ns
+  std::int64_t origin_ = 0;  // time on the scale of now_ at which the log's clock is 0 [ns]
+  bool appended_ = false;    // no message has been returned since an appended recording began
+  bool any_appended_ = false;
   std::function<void(const InputMessage&)> on_input_;
   InputMessage input_;
   std::int64_t refused_ = 0;

@@ -2,7 +2,9 @@
 // master is followed, other masters on the same channel are ignored. A restarted master has a new
 // session. It is followed when the old session is silent and three messages of the new one have
 // arrived, since a single message with any session may come from any sender. Silence does not count
-// while messages are being dropped on this host.
+// while messages are being dropped on this host. An unpaced master (a simulation, a file) is
+// replaced by the first message of the next one and is never followed again. In a log that was
+// joined from several recordings, a recording may begin with another master.
 #pragma once
 
 #include <algorithm>
@@ -153,6 +155,7 @@ class SessionTracker {
   /// not allocate.
   Verdict receive(const ContactMessage& message, const Arrival& arrival) {
     ++counts_.received;
+    if (arrival.appended) appended_ = true;
     oddity_ = continuity_.impossible(message);
     if (oddity_ != Oddity::none) return refuse();
     if (counts_.sessions > 0 && message.session == session_)
@@ -167,6 +170,7 @@ class SessionTracker {
       past_.push_back({session_, last_});
     }
     ++counts_.sessions;
+    appended_ = false;
     session_ = message.session;
     first_ = last_ = message.sequence;
     seen_ = 1;
@@ -228,7 +232,8 @@ class SessionTracker {
   }
 
   void note(const ContactMessage& message, const Arrival& arrival) {
-    paced_ = message.speed < std::numeric_limits<double>::infinity();
+    paced_ = is_paced(message);
+    appended_ = false;
     received_ = arrival.monotonic;
     freshness_.note(message.utime);
   }
@@ -239,18 +244,22 @@ class SessionTracker {
       if (past.session != message.session) continue;
       ++counts_.of_past_sessions;
       if (message.sequence <= past.last) return false;
-      return silent(arrival) && messages_of(message) >= enough_messages;
+      return appended_ ||
+             (is_paced(message) && silent(arrival) && messages_of(message) >= enough_messages);
     }
-    // An unpaced master is a simulation, which the next one may replace at once.
-    if (!paced_) return true;
+    if (!paced_ || appended_) return true;
     if (messages_of(message) >= enough_messages && silent(arrival)) return true;
     ++counts_.of_other_masters;
     other_ = message.session;
     return false;
   }
 
+  static bool is_paced(const ContactMessage& message) {
+    return message.speed < std::numeric_limits<double>::infinity();
+  }
+
   bool silent(const Arrival& arrival) const {
-    return !paced_ || arrival.monotonic - std::max(received_, dropped_) >= silence;
+    return arrival.monotonic - std::max(received_, dropped_) >= silence;
   }
 
   // Counts this message and returns the number of messages of its session.
@@ -300,6 +309,8 @@ class SessionTracker {
   std::vector<Candidate> candidates_;
   std::size_t next_candidate_ = 0;
   bool paced_ = false;
+  // An appended recording has begun, and no message of it was accepted.
+  bool appended_ = false;
   std::int64_t received_ = 0;  // monotonic [ns]
   std::int64_t dropped_ = std::numeric_limits<std::int64_t>::min() / 2;
   std::int64_t other_ = 0;

@@ -3,6 +3,11 @@
 
 #include <cmath>
 
+#include "lcmtypes/bus.h"
+#include "lcmtypes/channel_log.h"
+#include "lcmtypes/contacts_codec.h"
+#include "sprag/detail/events/message_builder.h"
+#include "sprag/events_file.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
@@ -135,6 +140,76 @@ TEST_F(RecordingTest, TheTickDoesNotChangeTheMotion) {
       }
     }
   }
+}
+
+/// A recording of a paced run with a pulse at each time, and stamps from 0 on.
+std::string recording_of(std::int64_t session, const std::vector<double>& times,
+                         const std::filesystem::path& log) {
+  ChannelLogWriter writer(log);
+  MessageBuilder builder(session, 1.0, 1);
+  EncodedContacts bytes;
+  for (const double t : times) {
+    const std::vector<ContactEvent> event{{t, 0, ContactEventKind::pulse}};
+    builder.add(event);
+    const auto utime = static_cast<std::int64_t>(1e6 * t);
+    encode(builder.next(t, utime), bytes);
+    writer.write(utime, contacts_channel, bytes);
+  }
+  EXPECT_TRUE(writer.close());
+  return read_text(log);
+}
+
+// The stamps of the second recording begin again, and its events are further apart than a master's
+// time may jump.
+TEST_F(RecordingTest, RecordingsJoinedByCatAreAllReplayed) {
+  const std::string beam = scene("bouncing_ball");
+  const std::string first = recording_of(1, {0.5, 1.5}, file("first.lcmlog"));
+  const std::string second = recording_of(2, {0.25, 20.0}, file("second.lcmlog"));
+  const Arguments log{
+      beam,       "--replay",         file("joined.lcmlog"), "--events", file("events.csv"),
+      "--report", file("report.json")};
+  const auto times = [&] {
+    std::vector<double> closings;
+    const std::vector<double> t = read_column(file("events.csv"), "t");
+    for (std::size_t i = 0; i < t.size(); i += 2) closings.push_back(t[i]);
+    return closings;
+  };
+  write_text(file("joined.lcmlog"), first + second);
+  const Ended joined = run("observer", log);
+  EXPECT_EQ(joined.code, 0) << joined.err;
+  EXPECT_EQ(joined.err.find("left out"), std::string::npos) << joined.err;
+  EXPECT_EQ(times(), (std::vector<double>{0.5, 1.5, 0.25, 20.0}));
+  EXPECT_EQ(json("report.json")["messages"]["sessions"], 2);
+
+  // The last run is fitted, which is said.
+  const Ended fitted = run("identify", {file("joined.lcmlog"), beam, "--free", "impact.restitution",
+                                        "--report", file("fit.json")});
+  EXPECT_NE(fitted.err.find("2 runs of a master; the last is used"), std::string::npos);
+
+  write_text(file("joined.lcmlog"), first + first);
+  const Ended doubled = run("observer", log);
+  EXPECT_EQ(doubled.code, 0) << doubled.err;
+  EXPECT_NE(doubled.err.find("2 messages are left out, since they are repeated"), std::string::npos)
+      << doubled.err;
+  EXPECT_EQ(times(), (std::vector<double>{0.5, 1.5}));
+}
+
+// A second master beside the one that is followed, in one recording.
+TEST_F(RecordingTest, MessagesThatAReplayLeavesOutAreNamed) {
+  recording_of(1, {0.5, 0.51}, file("first.lcmlog"));
+  recording_of(2, {0.505}, file("second.lcmlog"));
+  ChannelLogReader first(file("first.lcmlog")), second(file("second.lcmlog"));
+  ChannelLogWriter both(file("both.lcmlog"));
+  ChannelRecord record;
+  for (ChannelLogReader* log : {&first, &second, &first}) {
+    ASSERT_TRUE(log->next(record));
+    both.write(record.utime, record.channel, record.data);
+  }
+  ASSERT_TRUE(both.close());
+  const Ended replayed = run("observer", {scene("bouncing_ball"), "--replay", file("both.lcmlog")});
+  EXPECT_EQ(replayed.code, 0) << replayed.err;
+  EXPECT_NE(replayed.err.find("1 message is left out, of other masters"), std::string::npos)
+      << replayed.err;
 }
 
 TEST_F(RecordingTest, PipesAreReadLikeFiles) {

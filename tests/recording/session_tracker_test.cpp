@@ -192,6 +192,41 @@ TEST(SessionTracker, NextMasterReplacesUnpacedOneAtOnce) {
   EXPECT_EQ(tracker.receive(report, after_ms(2)), Verdict::ignored);
 }
 
+// Both go on sending, as a simulation beside one that was started later.
+TEST(SessionTracker, AReplacedUnpacedMasterIsNotFollowedAgain) {
+  SessionTracker tracker;
+  const auto unpaced = [](std::int64_t session, std::int64_t sequence) {
+    ContactMessage report = message(session, sequence);
+    report.speed = infinity;
+    return report;
+  };
+  EXPECT_EQ(tracker.receive(unpaced(7, 0), after_ms(0)), Verdict::starts);
+  for (std::int64_t i = 1; i < 50; ++i) {
+    EXPECT_EQ(tracker.receive(unpaced(8, i), after_ms(10 * i)),
+              i == 1 ? Verdict::starts : Verdict::continues);
+    EXPECT_EQ(tracker.receive(unpaced(7, i), after_ms(10 * i + 5)), Verdict::ignored);
+  }
+  EXPECT_EQ(tracker.receive(unpaced(7, 100), later()), Verdict::ignored);
+  EXPECT_EQ(tracker.counts().sessions, 2);
+  EXPECT_EQ(tracker.counts().of_past_sessions, 50);
+}
+
+TEST(SessionTracker, AnAppendedRecordingMayBeginWithAnotherMaster) {
+  SessionTracker tracker;
+  const auto appended = [](Arrival arrival) {
+    arrival.appended = true;
+    return arrival;
+  };
+  EXPECT_EQ(tracker.receive(message(7, 0), after_ms(0)), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(7, 1), appended(after_ms(1))), Verdict::continues);
+  EXPECT_EQ(tracker.receive(message(8, 0), after_ms(2)), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(8, 0), appended(after_ms(3))), Verdict::starts);
+  EXPECT_EQ(tracker.receive(message(7, 2), after_ms(4)), Verdict::ignored);
+  // The recording of the first master again, and its continuation.
+  EXPECT_EQ(tracker.receive(message(7, 0), appended(after_ms(5))), Verdict::ignored);
+  EXPECT_EQ(tracker.receive(message(7, 2), after_ms(6)), Verdict::starts);
+}
+
 // With a key nobody can forge a message, but anybody can resend a recorded one.
 TEST(SessionTracker, RecordedSessionIsRefusedIfFreshnessIsRequired) {
   SessionTracker tracker(Freshness::required);

@@ -151,6 +151,7 @@ class Player {
     std::optional<std::int64_t> before;
     std::int64_t elapsed = 0;  // us
     std::int64_t unauthenticated = 0;
+    bool appended = false;  // no contact message since an appended recording began
     ContactMessage message;
     InputMessage input;
     while (log.next(record)) {
@@ -165,13 +166,16 @@ class Player {
         }
         data = data.first(data.size() - Key::tag_size);
       }
-      const Arrival arrival{elapsed * microsecond, record.utime};
+      appended |= record.appended;
+      const bool of_contacts = record.channel == contacts_channel;
+      const Arrival arrival{elapsed * microsecond, record.utime,
+                            of_contacts && std::exchange(appended, false)};
       reception_.take(record.channel, data, arrival);
       if (!estimated && record.channel == input_channel && decode(data, input) == Refusal::none) {
         observer_.take(input, arrival);
       }
-      const bool observed = !estimated && record.channel == contacts_channel &&
-                            decode(data, message) == Refusal::none && message.contacts == contacts_;
+      const bool observed = !estimated && of_contacts && decode(data, message) == Refusal::none &&
+                            message.contacts == contacts_;
       if (!observed) continue;
       to_machine_time(clock_, message);
       observer_.take(message, arrival);
