@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import difflib
 import importlib
 import json
 import math
@@ -185,9 +186,11 @@ def _shipped(given: str, folder: Path | None, error: type[Error]) -> Read:
     if re.fullmatch(r"[\w-]+", given) and (folder / f"{given}.toml").is_file():
         return Read(folder / f"{given}.toml")
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
-    raise error(
-        choose(f"{given}: cannot be read: no such file, and none of this name in {folder}", shipped)
-    )
+    problem = f"{given}: cannot be read: no such file, and none of this name in {folder}"
+    near = difflib.get_close_matches(given.removesuffix(".toml"), shipped)
+    if near:
+        raise error(f"{problem}; did you mean {' or '.join(near)}?")
+    raise error(choose(problem, shipped))
 
 
 def say(program: str, message: str) -> None:
