@@ -259,7 +259,7 @@ def run_program(
     the command line, and then nothing is opened. Exit code 1: any other failure, or a signal.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
-    options = parser.parse_args(given)
+    options = parser.parse_intermixed_args(given)
     program = parser.prog
     if clash := _overwritten(parser, options):
         say(program, clash)
