@@ -111,6 +111,45 @@ TEST_P(ShippedScenes, HaveTheirVerdict) {
   EXPECT_NEAR(a.trial.closings_per_time(), expected.closings_per_time,
               expected.spread * expected.closings_per_time);
   EXPECT_EQ(a.trial.duration, a.trial.planned);
+  EXPECT_TRUE(std::ranges::none_of(a.findings, [](const Finding& f) { return f.id == "bursts"; }));
+}
+
+// The whole finite-element model, and the same beam with its first three modes.
+TEST(CheckScene, BurstsOfAStiffStructureAreReported) {
+  const test::TemporaryDirectory directory;
+  const std::string rig = (directory / "rig").string();
+  test::Process writes({SPRAG_SOURCE_DIR "/scripts/cantilever", rig, "10"}, directory / "", "rig");
+  ASSERT_EQ(writes.wait(std::chrono::seconds(60)), 0) << writes.err();
+  const auto scene = [&](const std::string& modes) {
+    return read_scene(test::write_text(directory / "rig" / ("scene" + modes + ".toml"), R"(
+[system]
+M = "M.csv"
+K = "K.csv"
+damping_ratio = 0.02
+)" + modes + R"(
+[excitation]
+influence = "shaking.csv"
+amplitude = 0.03
+frequency = 9.5
+[[contact]]
+direction = "stop.csv"
+[impact]
+restitution = 0.7
+[master]
+q = "start.csv"
+[replica]
+uncertainty = 0.5
+)"));
+  };
+  const Assessment whole = assess(scene(""));
+  const Finding bursts = finding(whole, "bursts");
+  EXPECT_FALSE(bursts.required || bursts.holds);
+  EXPECT_TRUE(says(bursts.what, "contact 1 closes ")) << bursts.what;
+  EXPECT_TRUE(says(bursts.what, "times per period of the slowest mode (omega 3.516)"))
+      << bursts.what;
+  EXPECT_TRUE(says(bursts.change, "sustained contact")) << bursts.change;
+  const Assessment three = assess(scene("modes = 3"));
+  EXPECT_THROW(finding(three, "bursts"), std::out_of_range);
 }
 
 TEST(CheckScene, PaperBeamReportsModeAtNodeAndTick) {

@@ -140,10 +140,13 @@ std::vector<std::string> hints_at_bounces(const Import& import) {
     if (const auto quick = shorter(spans.pauses); quick > 0) {
       hint += ", and " + std::to_string(quick) + " closings follow an opening as closely";
     }
-    hints.push_back(hint +
-                    ". Impacts are as short, and electrical contacts bounce: "
-                    "--pulse-shorter-than T makes impacts of contacts shorter than T, --debounce T "
-                    "one contact of those that follow within T");
+    hints.push_back(
+        hint +
+        ". Impacts are as short, and electrical contacts bounce: "
+        "--pulse-shorter-than T makes impacts of contacts shorter than T, --debounce T "
+        "one contact of those that follow within T. A burst of hits of a stiff structure "
+        "that lasts longer than a twentieth of the period of the scene's fastest mode "
+        "is a sustained contact, not an impact (check_scene names such scenes)");
   }
   return hints;
 }
