@@ -329,14 +329,15 @@ def _overwritten(parser: Parser, options: argparse.Namespace) -> str:
                 files.append((str(name), item, isinstance(item, Written)))
     for i, (name, file, is_written) in enumerate(files):
         for other, second, other_is_written in files[i + 1 :]:
-            if (is_written or other_is_written) and _same_file(file, second):
+            if (is_written or other_is_written) and same_file(file, second):
                 if file == second:
                     return f"{name} and {other} are the same file, {file}"
                 return f"{name} {file} and {other} {second} are the same file"
     return ""
 
 
-def _same_file(a: str, b: str) -> bool:
+def same_file(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> bool:
+    """Whether writing one of two files would destroy the other."""
     if os.path.exists(a) and not os.path.isfile(a):  # writing does not destroy a device or a pipe
         return False
     if os.path.exists(a) and os.path.exists(b) and os.path.samefile(a, b):

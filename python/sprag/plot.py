@@ -1,0 +1,713 @@
+"""Draws runs and studies: states with bands, gaps, contacts, impacts and error energies.
+
+The program ``plot`` draws files. :func:`states` draws results of the package, :func:`draw` tables
+of any origin; both return a figure of matplotlib to change, show or save.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _command, tables
+from ._command import EXIT_DONE, EXIT_FAILED, Labelled, Parser, UsageError, Written, choose
+from ._drawing import (
+    FRAME,
+    RUN_COLOURS,
+    WIDTH,
+    legible,
+    logarithmic_ticks,
+    name_lines,
+    new_figure,
+    readable_unit,
+    style,
+    summary,
+    thin,
+)
+from ._errors import InputError
+from ._machine import Machine, machine_of, read_machine
+from .tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["draw", "readable_unit", "states"]
+
+Numbers = npt.NDArray[np.float64]
+Span = tuple[float, float]  # from, to [s]
+
+MOST_SINGLE_PANELS = 4
+MOST_MODES = 3
+OUTSIDE, INSIDE, REPLICA = "-", (0, (2.0, 1.2)), (0, (0.8, 1.6))  # parts of an estimate
+GUARANTEED = "#777777"
+MARKERS = "osD^vP<X"  # by contact
+# A motion with more turns is a solid block at 800 pixels; a part with fewer is shown then.
+MOST_TURNS, TURNS_IN_ZOOM = 200, 40
+OPENS, IMPACT = 2, 3  # kinds of events
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@dataclass
+class Panel:
+    """One quantity over time. `draw` adds it to axes that show a span."""
+
+    name: str
+    draw: Callable[[Axes, Span], None]
+    # Of the single ones the first four are shown by default, of the summaries all.
+    rank: Literal["single", "summary", "unasked"] = "single"
+    whole_run: bool = False  # a zoom does not apply
+    height: float = 1.0
+    named_lines: bool = True  # labels stand beside their lines
+
+
+class Panels:
+    """The panels that some tables show, in the order in which they are drawn by default."""
+
+    def __init__(self, runs: Sequence[Table], machine: Machine | None = None) -> None:
+        self.machine = machine
+        self.states = [table for table in runs if table.kind == "states"]
+        self.energies = [table for table in runs if table.kind == "energy"]
+        self.impacts = [table for table in runs if table.kind == "impacts"]
+        self.events = [table for table in runs if table.kind == "events"]
+        self.span = _span(runs)
+        self.colours = _colours(runs)
+        self.closures: dict[int, tables.Closures] = {}
+        for table in self.events:
+            self.closures.update(tables.closures(table.data, self.span[1]))
+        self.all = [*self._of_states(), *self._of_contacts(), *self._of_energy(), *self._unasked()]
+
+    def chosen(self, show: Sequence[str]) -> list[Panel]:
+        """Panels by their names, or those of the default. Raises UsageError for unknown names."""
+        if not show:
+            single = [p for p in self.all if p.rank == "single"][:MOST_SINGLE_PANELS]
+            panels = [p for p in self.all if p in single or p.rank == "summary"]
+        else:
+            # Several panels may have one name, since an output may have any.
+            panels = [p for name in show for p in self.all if p.name == name]
+            known = {p.name: p for p in self.all}
+            for name in show:
+                if name not in known:
+                    problem = f"{name} is nothing that these files show"
+                    raise UsageError(choose(problem, list(known)) if known else problem)
+        if not panels:
+            raise InputError("there is nothing to show in these files")
+        return panels
+
+    def left_out(self) -> list[str]:
+        """Names of the panels that would be shown by default if there were room."""
+        return [p.name for p in self.all if p.rank == "single"][MOST_SINGLE_PANELS:]
+
+    def zoom(self, panels: Sequence[Panel], span: Span) -> Span | None:
+        """A part in which the first panel's motion is legible; None where the whole span is."""
+        first = next((panel for panel in panels if not panel.whole_run), None)
+        if first is None:
+            return None
+        turns = max((_turns(t, y, span) for t, y in self._motions(first.name)), default=0.0)
+        if turns <= MOST_TURNS:
+            return None
+        length = (span[1] - span[0]) * TURNS_IN_ZOOM / turns
+        digit = 10.0 ** np.floor(np.log10(length))
+        length = digit * max(round(length / digit), 1)
+        return span[0], span[0] + length
+
+    # --- states ---
+
+    def _of_states(self) -> list[Panel]:
+        panels = [self._quantity(name, name, self._unit(name)) for name in self._named()]
+        if self.machine is not None and self.states:
+            m = self.machine.m
+            for i in range(m):
+                title = "Gap g" if m == 1 else f"Gap g{i + 1}"
+                panels.append(self._quantity(f"g{i + 1}", title, "m"))
+        else:
+            panels += [self._quantity(name, name, "") for name in self._coordinates("q")]
+        return panels
+
+    def _unasked(self) -> list[Panel]:
+        gaps = self.machine is not None and self.states
+        names = [*(self._coordinates("q") if gaps else []), *self._coordinates("u")]
+        return [self._quantity(name, name, "", "unasked") for name in names]
+
+    def _coordinates(self, letter: str) -> list[str]:
+        f = max((table.coordinates for table in self.states), default=0)
+        names = [f"{letter}{i + 1}" for i in range(f)]
+        return [name for name in names if any(name in table.data for table in self.states)]
+
+    def _named(self) -> list[str]:
+        """Outputs of the scene, then parameters by their keys, which contain a dot."""
+        found: dict[str, None] = {}
+        for table in self.states:
+            after_state = list(table.data)[2 + 2 * table.coordinates :]
+            own = {*self._coordinates("q"), *self._coordinates("u"), "filter_gap", ""}
+            for name in after_state:
+                if name not in own and (not table.is_estimate or f"sigma_{name}" in table.data):
+                    found[name] = None
+        return sorted(found, key=lambda name: "." in name)
+
+    def _unit(self, name: str) -> str:
+        return self.machine.output_units.get(name, "") if self.machine is not None else ""
+
+    def _quantity(
+        self,
+        name: str,
+        title: str,
+        unit: str,
+        rank: Literal["single", "unasked"] = "single",
+    ) -> Panel:
+        return Panel(
+            name, lambda axes, span: self._draw_states(axes, span, name, title, unit), rank
+        )
+
+    def _values(self, table: Table, name: str) -> Numbers | None:
+        """A column of states, or a gap, of shape (rows,)."""
+        if self.machine is None or name not in self._gaps():
+            return table.column(name) if name in table.data else None
+        f = self.machine.f
+        if table.coordinates != f:
+            raise InputError(
+                f"{table.label}: has {table.coordinates} coordinates; the scene has {f}"
+            )
+        q = table.data[[f"q{i + 1}" for i in range(f)]].to_numpy(float)
+        gaps: Numbers = self.machine.gaps(table.column("t"), q)
+        return gaps[:, int(name[1:]) - 1]
+
+    def _gaps(self) -> list[str]:
+        return [f"g{i + 1}" for i in range(self.machine.m)] if self.machine is not None else []
+
+    def _shown(self, name: str) -> list[tuple[Table, Numbers]]:
+        values = [(table, self._values(table, name)) for table in self.states]
+        return [(table, y) for table, y in values if y is not None]
+
+    def _motions(self, name: str) -> list[tuple[Numbers, Numbers]]:
+        if name == "contacts":
+            begins = [c.begins for c in self.closures.values()]
+            return [(np.repeat(t, 2), np.tile([0.0, 1.0], len(t))) for t in begins if t]
+        return [(table.column("t"), y) for table, y in self._shown(name)]
+
+    def _draw_states(self, axes: Axes, span: Span, name: str, title: str, unit: str) -> None:
+        curves = self._shown(name)
+        factor, unit = readable_unit(_largest(y for _, y in curves), unit)
+        axes.set_title(legible(f"{title} [{unit}]" if unit else title))
+        for table, y in curves:
+            self._draw_bands(axes, table, name, factor, y)
+            self._draw_parts(axes, table, name, factor * y)
+        if name in self._gaps():
+            closures = self.closures.get(int(name[1:]))
+            if closures is not None:
+                begins = closures.begins
+                axes.plot(begins, 0.0 * np.array(begins), "k.", ms=3.5, zorder=6, label="_closes")
+            axes.axhline(0.0, color=FRAME, lw=0.6, zorder=2, label="_zero")
+        visible = [y[(t >= span[0]) & (t <= span[1])] for t, y in self._motions(name)]
+        _set_range(axes, [factor * y for y in visible])
+
+    def _draw_bands(self, axes: Axes, table: Table, name: str, factor: float, y: Numbers) -> None:
+        t = table.column("t")
+        if f"bound_{name}" in table.data:
+            half = _finite(table.column(f"bound_{name}"))
+            x, low, high = thin(t, factor * (y - half), factor * (y + half))
+            axes.fill_between(x, low, high, color=GUARANTEED, alpha=0.12, lw=0, zorder=0)
+            for edge, label in ((low, "_low"), (high, "guaranteed")):
+                label = label if np.isfinite(edge).any() else "_none"
+                axes.plot(x, edge, color=GUARANTEED, lw=0.6, ls=":", zorder=1, label=label)
+        if f"sigma_{name}" in table.data:
+            half = 2.0 * _finite(table.column(f"sigma_{name}"))
+            x, low, high = thin(t, factor * (y - half), factor * (y + half))
+            colour = self.colours[table.label]
+            axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0, zorder=1)
+
+    def _draw_parts(self, axes: Axes, table: Table, name: str, y: Numbers) -> None:
+        """A curve, dashed inside a support and dotted where the replica stands for the filter."""
+        estimate = table.is_estimate
+        never = np.zeros(len(y), bool)
+        inside = table.column("penetrating") > 0.5 if "penetrating" in table.data else never
+        replica = table.column("from_filter") < 0.5 if "from_filter" in table.data else never
+        replica = replica & ~inside
+        band = " ± 2σ" if f"sigma_{name}" in table.data else ""
+        parts: list[tuple[npt.NDArray[np.bool_], Any, str]] = [
+            (~(inside | replica), OUTSIDE, legible(table.label) + band),
+            (_widened(inside), INSIDE, "inside a support"),
+            (_widened(replica), REPLICA, "replica shown"),
+        ]
+        for part, dashes, label in parts:
+            if part.any() or (dashes == OUTSIDE and not len(y)):
+                x, shown = thin(table.column("t"), np.where(part, y, np.nan))
+                axes.plot(
+                    x,
+                    shown,
+                    color=self.colours[table.label],
+                    ls=dashes,
+                    lw=1.1 if estimate else 2.0,
+                    zorder=4 if estimate else 3,
+                    label=label,
+                )
+
+    # --- contacts and impacts ---
+
+    def _of_contacts(self) -> list[Panel]:
+        panels = []
+        if self.closures:
+            height = 0.05 + 0.1 * len(self.closures)
+            panels.append(Panel("contacts", self._draw_contacts, "summary", False, height, False))
+        for name, title, unit in [
+            ("impulse", "Impulse", "N s"),
+            ("velocity_before", "Gap velocity before", "m/s"),
+            ("velocity_after", "Gap velocity after", "m/s"),
+        ]:
+            if any(name in t.data and t.data[name].notna().any() for t in self.impacts):
+                panels.append(
+                    Panel(
+                        name,
+                        self._impacts_drawer(name, title, unit),
+                        "summary" if name == "impulse" else "unasked",
+                        named_lines=False,
+                    )
+                )
+        return panels
+
+    def _impacts_drawer(self, name: str, title: str, unit: str) -> Callable[[Axes, Span], None]:
+        return lambda axes, span: self._draw_impacts(axes, name, title, unit)
+
+    def _draw_contacts(self, axes: Axes, span: Span) -> None:
+        axes.set_title("Reported contacts")
+        rows = sorted(self.closures)
+        for row, contact in enumerate(rows):
+            closures = self.closures[contact]
+            axes.vlines(closures.impacts, row - 0.32, row + 0.32, color="black", lw=0.8)
+            lengths = [(begin, end - begin) for begin, end in closures.stretches]
+            axes.broken_barh(lengths, (row - 0.32, 0.64), color="#666666", lw=0.3)
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        numbers = [str(contact) for contact in rows] if rows != [1] else []
+        axes.set_yticks(range(len(numbers)), numbers)
+        axes.grid(axis="y", visible=False)
+
+    def _draw_impacts(self, axes: Axes, name: str, title: str, unit: str) -> None:
+        shown = [table for table in self.impacts if name in table.data]
+        factor, unit = readable_unit(_largest(table.column(name) for table in shown), unit)
+        axes.set_title(f"{title} [{unit}]")
+        for table in shown:
+            run = f"{legible(table.label)}, " if len(shown) > 1 else ""
+            for contact, rows in table.data[table.data[name].notna()].groupby("contact"):
+                sigma = rows.get(f"sigma_{name}", 0.0 * rows[name])
+                bars = 2.0 * factor * sigma.where(np.isfinite(sigma), 0.0)
+                axes.errorbar(
+                    rows["t"],
+                    factor * rows[name],
+                    bars,
+                    fmt=MARKERS[int(contact - 1) % len(MARKERS)],
+                    ms=2.5,
+                    lw=0.7,
+                    color=self.colours[table.label],
+                    label=f"{run}contact {contact:g} ± 2σ",
+                )
+        axes.legend(loc="best")
+
+    # --- error energies ---
+
+    def _of_energy(self) -> list[Panel]:
+        if not (self.energies or self._bounds()):
+            return []
+        return [Panel("V", self._draw_energy, "summary", whole_run=True)]
+
+    def _bounds(self) -> list[Table]:
+        with_bound = [table for table in self.states if "B" in table.data]
+        return [table for table in with_bound if np.isfinite(table.column("B")).any()]
+
+    def _draw_energy(self, axes: Axes, span: Span) -> None:
+        axes.set_title("Error energy [J]")
+        axes.set_yscale("log", nonpositive="mask")
+        for i, table in enumerate(self.energies):
+            if i == 0:  # of one run alone: more are illegible
+                modes = [f"V{n}" for n in range(1, MOST_MODES + 1) if f"V{n}" in table.data]
+                label = ", ".join(modes).translate(SUBSCRIPTS)
+                for mode in modes:
+                    self._draw_decades(axes, table, mode, span, label, 0.6, 0.5)
+                    label = "_mode"
+            label = "V" if len(self.energies) == 1 else f"V, {legible(table.label)}"
+            self._draw_decades(axes, table, "V", span, label, 1.6, 1.0)
+        bounds = self._bounds()
+        for table in bounds:
+            x, y = thin(table.column("t"), _finite(table.column("B")), pixels=350)
+            label = "B ≥ V, guaranteed" + (f", {legible(table.label)}" if len(bounds) > 1 else "")
+            axes.plot(x, y, color=self.colours[table.label], ls=(0, (4, 1.5)), label=label)
+        rate = self.machine.decay_rate if self.machine is not None else None
+        if self.energies and rate and len(self.energies[0].data):
+            t = self.energies[0].column("t")[[0, -1]]
+            y = self.energies[0].column("V")[0] * np.exp(-rate * (t - t[0]))
+            axes.plot(t, y, color="#555555", lw=0.9, ls=":", label="by damping alone")
+        logarithmic_ticks(axes.yaxis, *axes.get_ylim())
+
+    def _draw_decades(
+        self,
+        axes: Axes,
+        table: Table,
+        name: str,
+        span: Span,
+        label: str,
+        width: float,
+        alpha: float,
+    ) -> None:
+        """A curve on a logarithmic axis, as median and band where it is noise."""
+        t, y = table.column("t"), table.column(name)
+        seen = (t >= span[0]) & (t <= span[1]) & (y > 0.0)
+        if not seen.any():
+            return
+        colour = self.colours[table.label]
+        x, median, low, high = summary(t[seen], y[seen])
+        axes.fill_between(x, low, high, color=colour, alpha=0.35 * alpha, lw=0)
+        axes.plot(x, median, color=colour, lw=width, alpha=alpha, zorder=3 + alpha, label=label)
+
+
+def _span(runs: Sequence[Table]) -> Span:
+    """The time that tables show. Events alone do not say how long a run is."""
+    filled = [table for table in runs if len(table.data)]
+    ticks = [table for table in filled if table.kind in ("states", "energy")]
+    ends = [table.column("t")[[0, -1]] for table in ticks or filled]
+    if not ends:
+        raise InputError("there is nothing to show in these files")
+    return float(min(t[0] for t in ends)), float(max(t[1] for t in ends))
+
+
+def _colours(runs: Sequence[Table]) -> dict[str, str]:
+    """Colour of each label: a run has one in all panels, a machine black."""
+    machines = [t for t in runs if t.kind == "states" and not t.is_estimate]
+    colours = {table.label: "black" for table in machines}
+    estimates = [t.label for t in runs if t.kind != "events" and t.label not in colours]
+    for i, label in enumerate(dict.fromkeys(estimates)):
+        colours[label] = RUN_COLOURS[min(i, len(RUN_COLOURS) - 1)]
+    return colours
+
+
+def _turns(t: Numbers, y: Numbers, span: Span) -> float:
+    """How often a curve turns up or down within a span."""
+    y = y[(t >= span[0]) & (t <= span[1]) & np.isfinite(y)]
+    steps = np.sign(np.diff(y))
+    steps = steps[steps != 0.0]
+    return float(np.count_nonzero(steps[1:] != steps[:-1]))
+
+
+def _largest(columns: Any) -> float:
+    values = [np.abs(y[np.isfinite(y)]).max(initial=0.0) for y in columns]
+    return float(max(values, default=0.0))
+
+
+def _finite(values: Numbers) -> Numbers:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _widened(part: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """A part of a curve with the points beside it, so that it meets the rest."""
+    wide = part.copy()
+    wide[1:] |= part[:-1]
+    wide[:-1] |= part[1:]
+    return wide
+
+
+def _set_range(axes: Axes, curves: Sequence[Numbers]) -> None:
+    """A range of y about curves with room for their names; bands may leave it."""
+    values = np.concatenate([y[np.isfinite(y)] for y in curves] or [np.zeros(0)])
+    if not len(values):
+        return
+    low, high = values.min(), values.max()
+    reach = 0.35 * (high - low)
+    if reach <= 1e-9 * max(abs(low), abs(high)):
+        reach = 0.1 * abs(low) if low else 1.0
+    axes.set_ylim(low - reach, high + reach)
+
+
+# --- figures ---
+
+
+def draw(
+    runs: Sequence[Table],
+    scene: Any = None,
+    *,
+    show: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    zoom: Span | None = None,
+    title: str = "",
+) -> Figure:
+    """Draws tables of runs on one time axis; tables with one label are one run, in one colour.
+
+    Args:
+        runs: tables of all kinds but predictions and studies.
+        scene: turns states into gaps, a :class:`sprag.Scene`. Without it coordinates are shown.
+        show: names of panels, in this order; default: as many as are legible.
+        begin, end: the time that is shown [s].
+        zoom: shows all panels but V in this time only, beside the whole V.
+        title: in place of the scene's name.
+    """
+    panels = Panels(runs, None if scene is None else machine_of(scene))
+    span = _within(panels.span, begin, end)
+    return _figure(panels, panels.chosen(show), span, zoom, title)
+
+
+def _within(span: Span, begin: float | None, end: float | None) -> Span:
+    part = max(span[0], span[0] if begin is None else begin), min(
+        span[1], span[1] if end is None else end
+    )
+    if not part[0] < part[1]:
+        raise InputError("there is nothing to show in this time")
+    return part
+
+
+def _figure(
+    panels: Panels, chosen: Sequence[Panel], span: Span, zoom: Span | None, title: str
+) -> Figure:
+    beside = [p for p in chosen if p.whole_run and zoom is not None and len(chosen) > 1]
+    stack = [p for p in chosen if p not in beside]
+    columns = [column for column in (beside, stack) if column]
+    heights = [sum(panel.height for panel in column) for column in columns]
+    height = 0.6 + (1.35 if beside else 1.5) * max(heights)
+    name = panels.machine.name if panels.machine is not None else ""
+    with style():
+        figure = new_figure(WIDTH, max(2.7, height), title or name)
+        grid = figure.add_gridspec(1, len(columns))
+        axes: list[tuple[Panel, Axes]] = []
+        for i, column in enumerate(columns):
+            ratios = [panel.height for panel in column]
+            places = grid[i].subgridspec(len(column), 1, height_ratios=ratios)
+            for row, panel in enumerate(column):
+                ax = figure.add_subplot(places[row])
+                seen = span if panel.whole_run or zoom is None else zoom
+                panel.draw(ax, seen)
+                ax.set_xlim(*seen)
+                if row == len(column) - 1:
+                    ax.set_xlabel("time t [s]")
+                else:
+                    ax.tick_params(labelbottom=False)
+                axes.append((panel, ax))
+        figure.canvas.draw()
+        for panel, ax in axes:
+            if panel.named_lines:
+                name_lines(ax)
+        figure.set_layout_engine("none")
+    return figure
+
+
+def states(
+    runs: Any,
+    scene: Any = None,
+    *,
+    events: Any = None,
+    show: Sequence[str] = (),
+    begin: float | None = None,
+    end: float | None = None,
+    zoom: Span | None = None,
+    title: str = "",
+) -> Figure:
+    """Draws simulations and estimates on one time axis, with bands of two sigma.
+
+    Args:
+        runs: a Simulation, Estimates or Smoothed, or a mapping from names to these.
+        scene: the Scene; gaps are shown in place of coordinates, outputs by their names.
+        events: array of `event_dtype`, to show when contacts close.
+        show, begin, end, zoom, title: as in :func:`draw`.
+
+    >>> sprag.plot.states({"machine": run, "filter": estimates}, scene).savefig("run.png")
+    """
+    named = runs if isinstance(runs, Mapping) else {_kind_of(runs): runs}
+    drawn = [_states_table(label, run, scene) for label, run in named.items()]
+    if events is not None:
+        drawn.append(_events_table(events))
+    return draw(drawn, scene, show=show, begin=begin, end=end, zoom=zoom, title=title)
+
+
+def _kind_of(run: Any) -> str:
+    return "estimate" if hasattr(run, "sigma_q") else "machine"
+
+
+def _states_table(label: str, run: Any, scene: Any) -> Table:
+    """A result as the states file that the programs write of it."""
+    pd = _command.require("pandas", "python3-pandas", "drawing")
+    columns: dict[str, Numbers] = {"k": np.arange(len(run.t), dtype=float), "t": run.t}
+
+    def add(prefix: str, names: Sequence[str], attribute: str) -> None:
+        rows = getattr(run, attribute, None)
+        if rows is not None and np.size(rows):
+            columns.update({prefix + name: rows[:, i] for i, name in enumerate(names)})
+
+    f = run.q.shape[1]
+    q, u = ([f"{letter}{i + 1}" for i in range(f)] for letter in "qu")
+    outputs = [] if scene is None else [output.name for output in scene.model.outputs]
+    gaps = [] if scene is None else [f"g{i + 1}" for i in range(scene.m)]
+    add("", q, "q")
+    add("", u, "u")
+    if getattr(run, "bound", None) is not None:
+        columns["B"] = run.bound
+    for prefix, ending in (("sigma_", "sigma_"), ("bound_", "bound_")):
+        add(prefix, q, ending + "q")
+        add(prefix, u, ending + "u")
+        add(prefix, gaps, ending + "gap")
+    for attribute, column in (("of_filter", "from_filter"), ("penetrating", "penetrating")):
+        if getattr(run, attribute, None) is not None:
+            columns[column] = np.asarray(getattr(run, attribute), float)
+    keys = list(getattr(run, "keys", []))
+    add("", keys, "parameters")
+    add("sigma_", keys, "sigma_parameters")
+    add("", outputs, "outputs")
+    add("sigma_", outputs, "sigma_outputs")
+    add("bound_", outputs, "bound_outputs")
+    return Table("states", label, pd.DataFrame(columns), Path(label))
+
+
+def _events_table(events: Any) -> Table:
+    pd = _command.require("pandas", "python3-pandas", "drawing")
+    rows = []
+    for t, contact, kind in np.asarray(events).tolist():
+        rows.append((t, contact, float(kind != OPENS)))
+        if kind == IMPACT:
+            rows.append((t, contact, 0.0))
+    data = pd.DataFrame(rows, columns=["t", "contact", "closed"], dtype=float)
+    return Table("events", "events", data, Path("events"))
+
+
+# --- the program ---
+
+
+def main() -> int:
+    """The program ``plot``."""
+    parser = Parser(
+        "plot",
+        "Draws states, gaps, contacts and error energies of any run on one time axis, with bands "
+        "of two sigma. Files are distinguished by their headers; those with one LABEL are one run "
+        "and have one colour. With the scene, gaps are shown in place of coordinates. Of a study's "
+        "rows: bands over one key, maps over two, bifurcation diagrams and basins.",
+    )
+    add = parser.add_argument
+    add(
+        "files",
+        metavar="FILE",
+        nargs="+",
+        type=Labelled,
+        help="[LABEL=]FILE.csv as master_sim --states and --events, observer --states and "
+        "--impacts and sync_logger --csv write it; SCENE.toml. Or rows.csv of a study, or its "
+        "shards",
+    )
+    add("--output", metavar="F", type=Written, required=True, help="the picture: .png, .svg, .pdf")
+    add(
+        "--show",
+        metavar="NAME,...",
+        type=_command.names,
+        action="extend",
+        default=[],
+        help="panels, in this order: names of outputs, keys of parameters, g1, q1, u1, contacts, "
+        "V, ...; of a study: its quantities",
+    )
+    add(
+        "--over",
+        metavar="KEY,...",
+        type=_command.names,
+        default=[],
+        help="of a study: one or two keys that vary, across and up",
+    )
+    add(
+        "--where",
+        metavar="KEY=VALUE,...",
+        type=_command.names,
+        action="extend",
+        default=[],
+        help="of a study: only rows with the value of KEY next to this one",
+    )
+    add(
+        "--from", dest="begin", metavar="T", type=_command.finite, help="show the time from here on"
+    )
+    add("--to", dest="end", metavar="T", type=_command.finite, help="show the time up to here [s]")
+    add(
+        "--zoom",
+        metavar="FROM:TO",
+        type=_zoom,
+        help="show all but V in this time only, beside it [s]",
+    )
+    add("--title", metavar="TEXT", default="", help="title, in place of the scene's name")
+    return _command.run_program(parser, _run)
+
+
+def _zoom(text: str) -> Span:
+    begin, _, end = text.partition(":")
+    try:
+        span = _command.finite(begin), _command.finite(end)
+    except argparse.ArgumentTypeError:
+        span = 0.0, 0.0
+    if not span[0] < span[1]:
+        problem = f"{text} is not allowed; must be FROM:TO, two numbers that rise"
+        raise argparse.ArgumentTypeError(problem)
+    return span
+
+
+def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
+    if Path(options.output).suffix not in (".png", ".svg", ".pdf"):
+        raise UsageError(f"{options.output} is not allowed; must end in .png, .svg or .pdf")
+    if any(tables.is_study(given.file) for given in options.files):
+        from .plot_study import study_of_program
+
+        figure, damage = study_of_program(options, report)
+    else:
+        figure, damage = _runs_of_program(options, report)
+    for what in damage:
+        print(
+            f"{_command.printable(what)}; the picture shows everything before it", file=sys.stderr
+        )
+        report.setdefault("damage", []).append(what)
+    save(figure, options.output)
+    return EXIT_FAILED if damage else EXIT_DONE
+
+
+def save(figure: Figure, file: str) -> None:
+    """Writes a picture; an existing one stays as it is if that fails."""
+    kind = Path(file).suffix[1:]
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    with _command.written(file) as temporary, style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # shown as a box
+        figure.savefig(temporary, format=kind, dpi="figure", metadata=metadata)
+
+
+def _runs_of_program(
+    options: argparse.Namespace, report: dict[str, Any]
+) -> tuple[Figure, list[str]]:
+    scenes = [given for given in options.files if _is_scene(given.file)]
+    if len(scenes) > 1:
+        raise UsageError(f"{scenes[1]} is a second scene; a picture is of one machine")
+    machine = read_machine(_command.scene_file(scenes[0].file)) if scenes else None
+    runs = []
+    for given in options.files:
+        if given in scenes:
+            continue
+        runs.append(tables.read_table(given.file, given.label))
+        if runs[-1].kind == "predictions":
+            raise UsageError(f"{given} holds predictions, which plot does not draw; report does")
+    if not runs:
+        raise UsageError("no CSV file is given")
+    panels = Panels(runs, machine)
+    span = _within(panels.span, options.begin, options.end)
+    chosen = panels.chosen(options.show)
+    zoom = options.zoom
+    if zoom is None and options.begin is None and options.end is None:
+        zoom = panels.zoom(chosen, span)
+        if zoom is not None:
+            print(
+                f"the motion is shown from {zoom[0]:g} to {zoom[1]:g} s, where it is legible; "
+                "--zoom FROM:TO shows another part, --from and --to all of one",
+                file=sys.stderr,
+            )
+    if not options.show and (left_out := panels.left_out()):
+        names = " ".join(map(_command.printable, left_out))
+        print(f"not shown: {names}; --show NAME,... chooses", file=sys.stderr)
+    report["panels"] = [panel.name for panel in chosen]
+    figure = _figure(panels, chosen, span, zoom, options.title)
+    return figure, [run.damage for run in runs if run.damage]
+
+
+def _is_scene(file: str) -> bool:
+    suffix = os.path.splitext(file)[1]
+    return suffix == ".toml" or (not suffix and not os.path.exists(file))

@@ -1,0 +1,450 @@
+"""Draws studies: quantities over the one or two keys that vary.
+
+Over one key: the median of the runs with a band from 5 to 95 %, a colour for each estimator, or the
+points of the stroboscope, a bifurcation diagram. Over two: the median as a colour, or a basin, each
+start in the colour of its attractor.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ._command import UsageError, same_file
+from ._drawing import (
+    WIDTH,
+    legible,
+    logarithmic_ticks,
+    name_lines,
+    new_figure,
+    style,
+)
+from ._errors import InputError
+from .tables import Study, is_study, manifest_of, read_study_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["attractors", "draw"]
+
+Numbers = npt.NDArray[np.float64]
+Labels = npt.NDArray[np.int_]
+
+ESTIMATORS = {  # prefixes of columns, and their colours
+    "replica": "#d55e00",
+    "timing": "#8a4b7d",
+    "both": "#0072b2",
+    "adaptive": "#009e73",
+}
+NO_QUANTITIES = ("index", "point", "run", "n", "failure")
+ATTRACTOR_COLOURS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#000000"]
+NONE_FOUND = "#e8e8e8"
+MOST_POINTS_WITH_MARKERS = 40
+
+
+def draw(
+    study: Study,
+    *,
+    over: Sequence[str] = (),
+    where: Mapping[str, float] | None = None,
+    show: Sequence[str] = (),
+    title: str = "",
+) -> Figure:
+    """Draws the rows of a study.
+
+    Args:
+        study: as :func:`sprag.tables.read_study_rows` reads it.
+        over: one or two keys, across and up; default those that the study varies.
+        where: only the rows with the value of each key next to this one.
+        show: quantities, such as ``V_floor`` (of all estimators), ``both.V_floor`` or
+            ``attractor``; default by the kind of study.
+        title: in place of the study's name.
+    """
+    picture = _Picture(study, over, where or {}, show)
+    with style():
+        return picture.figure(title or study.name)
+
+
+def attractors(periods: Numbers, q: Numbers, u: Numbers, tolerance: float = 1e-3) -> Labels:
+    """Number of the attractor of each row: from 1 on by period and position, 0 for none.
+
+    Args:
+        periods: in periods of the excitation, 0 where none was found, of shape (n,).
+        q, u: a point of the attractor, of shape (n, any).
+        tolerance: two points are one if they differ by less than this share of the largest.
+    """
+    labels = np.zeros(len(periods), int)
+    found = np.flatnonzero(periods > 0)
+    if not len(found):
+        return labels
+    largest = [np.abs(x[found]).max(initial=0.0) for x in (q, u)]
+    same = [max(tolerance * size, 1e-9 * max(largest)) for size in largest]
+    limits = np.concatenate([np.full(q.shape[1], same[0]), np.full(u.shape[1], same[1])])
+    points = np.hstack([q, u])
+    order = found[np.lexsort([*points[found].T[::-1], periods[found]])]
+    firsts: list[int] = []
+    for i in order:
+        for k, first in enumerate(firsts):
+            near = np.all(np.abs(points[i] - points[first]) <= limits)
+            if near and periods[i] == periods[first]:
+                labels[i] = k
+                break
+        else:
+            labels[i] = len(firsts)
+            firsts.append(i)
+
+    def compare(a: int, b: int) -> int:
+        """Differences within the tolerance do not determine the order."""
+        if periods[firsts[a]] != periods[firsts[b]]:
+            return int(np.sign(periods[firsts[a]] - periods[firsts[b]]))
+        difference = points[firsts[a]] - points[firsts[b]]
+        beyond = np.flatnonzero(np.abs(difference) > limits)
+        return int(np.sign(difference[beyond[0]])) if len(beyond) else 0
+
+    ranks = sorted(range(len(firsts)), key=functools.cmp_to_key(compare))
+    number = np.empty(len(firsts), int)
+    number[ranks] = np.arange(1, len(firsts) + 1)
+    labels[order] = number[labels[order]]
+    return labels
+
+
+class _Picture:
+    """What to show of a study: rows, the keys they are shown over, quantities."""
+
+    def __init__(
+        self,
+        study: Study,
+        over: Sequence[str],
+        where: Mapping[str, float],
+        show: Sequence[str],
+    ) -> None:
+        self.rows = study.rows
+        self.varied = study.axes
+        for key, value in where.items():
+            column = self._column(key)
+            if not column.notna().any():
+                raise InputError(f"{key} has no values")
+            nearest = column[(column - value).abs().idxmin()]
+            self.rows = self.rows[column == nearest]
+        self.keys = self._chosen_keys(over)
+        self.quantities = self._chosen_quantities(show)
+        # Points of the stroboscope repeat the other quantities of their run, which count once.
+        self.once = self.rows[self.rows["n"] <= 1] if "n" in self.rows else self.rows
+
+    def _column(self, name: str) -> pd.Series[Any]:
+        if name not in self.rows or name == "failure":
+            known = ", ".join(self.rows.columns)
+            raise UsageError(f"{name} is no column of the study; there are {known}")
+        return self.rows[name]
+
+    def _chosen_keys(self, over: Sequence[str]) -> list[str]:
+        # A key that `where` fixes does not vary.
+        keys = list(over) or [key for key in self.varied if len(self._values(key)) > 1]
+        if not keys and not self.varied:
+            raise UsageError(
+                "without its manifest the varied keys of the study are unknown; give --over KEY"
+            )
+        if len(keys) not in (1, 2):
+            raise UsageError(
+                f"the study varies {', '.join(keys) or 'nothing'}; --over chooses one or two of "
+                "them, --where KEY=VALUE one value of the others"
+            )
+        for key in keys:
+            if not len(self._values(key)):
+                raise InputError(f"{key} has no values")
+        return keys
+
+    def _values(self, key: str) -> Numbers:
+        column = self._column(key)
+        values: Numbers = np.unique(column[np.isfinite(column)].to_numpy(float))
+        return values
+
+    def _chosen_quantities(self, show: Sequence[str]) -> list[str]:
+        recorded = [c for c in self.rows if c not in (*self.varied, *NO_QUANTITIES, *self.keys)]
+        every = list(dict.fromkeys(_quantity_of(column) for column in recorded))
+        for name in show:
+            if name not in every and (name not in self.rows or name == "failure"):
+                raise UsageError(
+                    f"{name} is nothing that the study has recorded; there are {', '.join(every)}"
+                )
+        if show:
+            return list(show)
+        if len(self.keys) == 2:
+            return ["attractor"] if "attractor" in every else every[:1]
+        points = [name for name in every if self._of_stroboscope(name)]
+        if points:
+            return [points[0], *(name for name in every if name == "lyapunov")]
+        return [name for name in every if name != "attractor"][:2]
+
+    def _columns_of(self, quantity: str) -> list[str]:
+        """Its column, or one for each estimator."""
+        if quantity in self.rows:
+            return [quantity]
+        of_estimators = [f"{estimator}.{quantity}" for estimator in ESTIMATORS]
+        return [column for column in of_estimators if column in self.rows]
+
+    def _of_stroboscope(self, name: str) -> bool:
+        return "n" in self.rows and name[:1] in ("q", "u") and name[1:].isdigit()
+
+    def figure(self, title: str) -> Figure:
+        if len(self.keys) == 1:
+            return self._lines(title)
+        return self._maps(title)
+
+    # --- over one key ---
+
+    def _lines(self, title: str) -> Figure:
+        shown = [name for name in self.quantities if self._is_known(name)]
+        if not shown:
+            raise InputError("there is nothing to show in this study")
+        figure = new_figure(0.75 * WIDTH, 0.6 + 1.9 * len(shown), title)
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(panels, shown):
+            axes.set_title(legible(name))
+            if self._of_stroboscope(name):
+                x, y = self.rows[self.keys[0]], self.rows[name]
+                axes.plot(x, y, ".", ms=1.2, mew=0, color="black", rasterized=True, label="_points")
+            else:
+                self._median_and_band(axes, name)
+        _set_scale(panels[-1].xaxis, self._values(self.keys[0]))
+        panels[-1].set_xlabel(legible(self.keys[0]))
+        figure.canvas.draw()
+        for axes in panels:
+            name_lines(axes)
+        figure.set_layout_engine("none")
+        return figure
+
+    def _is_known(self, quantity: str) -> bool:
+        rows = self.rows if self._of_stroboscope(quantity) else self.once
+        with_key = rows[np.isfinite(rows[self.keys[0]])]
+        return any(np.isfinite(with_key[c]).any() for c in self._line_columns(quantity))
+
+    def _line_columns(self, quantity: str) -> list[str]:
+        return ["attractor.period"] if quantity == "attractor" else self._columns_of(quantity)
+
+    def _median_and_band(self, axes: Axes, quantity: str) -> None:
+        shown = []
+        for column in self._line_columns(quantity):
+            known = self.once[[self.keys[0], column]].dropna()
+            runs = known[np.isfinite(known[self.keys[0]])].groupby(self.keys[0])[column]
+            values = [np.sort(of_key.to_numpy()) for _, of_key in runs]
+            x = np.array([key for key, _ in runs])
+            low, median, high = (
+                np.array([_quantile(v, p) for v in values]) for p in (0.05, 0.5, 0.95)
+            )
+            if not np.isfinite(median).any():
+                continue
+            estimator = column.partition(".")[0]
+            colour = ESTIMATORS.get(estimator, "black")
+            if max(map(len, values)) > 1:
+                axes.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
+            axes.plot(
+                x,
+                np.where(np.isfinite(median), median, np.nan),
+                color=colour,
+                marker="o" if len(x) <= MOST_POINTS_WITH_MARKERS else "",
+                ms=2,
+                label=estimator if estimator in ESTIMATORS else "_only",
+            )
+            shown += values
+        if _is_wide(np.concatenate(shown)):
+            axes.set_yscale("log")
+            axes.figure.canvas.draw()
+            logarithmic_ticks(axes.yaxis, *axes.get_ylim())
+
+    # --- over two keys ---
+
+    def _maps(self, title: str) -> Figure:
+        columns = [(q, c) for q in self.quantities for c in self._map_columns(q)]
+        if not columns:
+            raise InputError("there is nothing to show in this study")
+        across = min(2, len(columns))
+        down = (len(columns) + across - 1) // across
+        width = WIDTH * (0.72 if across == 1 else 1.0)
+        figure = new_figure(width, 0.4 + (3.0 if across == 1 else 2.5) * down, title)
+        panels = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False)
+        for axes in panels.flat[len(columns) :]:
+            axes.remove()
+        for axes, (quantity, column) in zip(panels.flat, columns):
+            axes.set_title(legible(column))
+            axes.grid(False)
+            if quantity == "attractor":
+                self._basin(axes)
+            else:
+                self._map(axes, column, [c for q, c in columns if q == quantity])
+        for axes in panels[-1]:
+            axes.set_xlabel(legible(self.keys[0]))
+        for axes in panels[:, 0]:
+            axes.set_ylabel(legible(self.keys[1]))
+        _set_scale(panels[0, 0].xaxis, self._values(self.keys[0]))
+        _set_scale(panels[0, 0].yaxis, self._values(self.keys[1]))
+        figure.canvas.draw()
+        figure.set_layout_engine("none")
+        return figure
+
+    def _map_columns(self, quantity: str) -> list[str]:
+        if quantity == "attractor":
+            return [quantity] if len(self._starts()) else []
+        return [c for c in self._columns_of(quantity) if np.isfinite(self._medians(c)).any()]
+
+    def _cells(self, rows: pd.DataFrame) -> pd.DataFrame:
+        return rows[np.isfinite(rows[self.keys]).all(axis=1)]
+
+    def _medians(self, column: str) -> pd.Series[Any]:
+        rows = self.rows if self._of_stroboscope(column) else self.once
+        known = self._cells(rows)[[*self.keys, column]].dropna()
+        medians: dict[Any, float] = {
+            key: _quantile(np.sort(runs.to_numpy()), 0.5)
+            for key, runs in known.groupby(self.keys)[column]
+        }
+        return type(self.rows[column])(medians, dtype=float)
+
+    def _map(self, axes: Axes, column: str, together: Sequence[str]) -> None:
+        """The median as a colour, with the same colours for all estimators."""
+        from matplotlib import colors
+
+        every = np.concatenate([self._medians(c).to_numpy() for c in together])
+        is_wide = _is_wide(every)
+        finite = every[np.isfinite(every)]
+        norm = (colors.LogNorm if is_wide else colors.Normalize)(finite.min(), finite.max())
+        medians = self._medians(column)
+        x, y = (medians.index.get_level_values(i).to_numpy(float) for i in (0, 1))
+        drawn = self._fill(axes, x, y, medians.to_numpy(), norm=norm, cmap="viridis")
+        bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02)
+        if is_wide:
+            logarithmic_ticks(bar.ax.yaxis, finite.min(), finite.max())
+
+    def _starts(self) -> pd.DataFrame:
+        if "attractor.period" not in self.once:
+            return self.once[:0]
+        return self._cells(self.once).dropna(subset=["attractor.period"])
+
+    def _basin(self, axes: Axes) -> None:
+        """Each start in the colour of its attractor."""
+        from matplotlib import colors
+
+        starts = self._starts()
+        periods = starts["attractor.period"].to_numpy(float)
+        q, u = (
+            np.nan_to_num(starts.filter(regex=rf"^attractor\.{letter}\d+$").to_numpy(float))
+            for letter in "qu"
+        )
+        labels = attractors(periods, q, u)
+        count = int(labels.max())
+        repeated = [ATTRACTOR_COLOURS[i % len(ATTRACTOR_COLOURS)] for i in range(count)]
+        cmap = colors.ListedColormap([NONE_FOUND, *repeated])
+        x, y = (starts[key].to_numpy(float) for key in self.keys)
+        self._fill(axes, x, y, labels.astype(float), cmap=cmap, vmin=-0.5, vmax=count + 0.5)
+        for label in np.unique(labels):
+            period = periods[labels == label][0]
+            words = f"{label}: period {period:g}" if label else "none found"
+            share = np.mean(labels == label)
+            axes.plot([], [], "s", color=cmap(int(label)), label=f"{words}, {100 * share:.0f} %")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
+
+    def _fill(self, axes: Axes, x: Numbers, y: Numbers, z: Numbers, **colours: Any) -> Any:
+        """Cells of a grid in colours, or dots where the points are no grid."""
+        columns, rows = np.unique(x), np.unique(y)
+        if len(columns) * len(rows) > 4 * len(z):
+            return axes.scatter(x, y, c=z, s=9, lw=0, **colours)
+        table = np.full((len(rows), len(columns)), np.nan)
+        table[np.searchsorted(rows, y), np.searchsorted(columns, x)] = z
+        table[np.isinf(table)] = np.nan
+        return axes.pcolormesh(_edges(columns), _edges(rows), table, rasterized=True, **colours)
+
+
+def _quantity_of(column: str) -> str:
+    """A column without the prefix of its estimator; an attractor has several columns."""
+    head, _, rest = column.partition(".")
+    if head == "attractor":
+        return head
+    return rest if head in ESTIMATORS and rest else column
+
+
+def _quantile(ascending: Numbers, p: float) -> float:
+    place = p * (len(ascending) - 1)
+    below = int(place)
+    part = place - below
+    if part == 0.0:
+        return float(ascending[below])
+    # A weighted sum: the difference of two infinite values is not a number.
+    return float((1.0 - part) * ascending[below] + part * ascending[below + 1])
+
+
+def _is_wide(values: Numbers) -> bool:
+    """Whether values are positive and span more than two decades: shown by their logarithms."""
+    finite = values[np.isfinite(values)]
+    return bool(len(finite) and finite.min() > 0.0 and finite.max() > 100.0 * finite.min())
+
+
+def _by_factors(values: Numbers) -> bool:
+    """Whether values differ by a constant factor and span more than a decade."""
+    if len(values) < 3 or not values[0] > 0.0 or not values[-1] > 10.0 * values[0]:
+        return False
+    steps = np.diff(np.log(values))
+    return bool(np.allclose(steps, steps[0], rtol=0.01))
+
+
+def _set_scale(axis: Any, values: Numbers) -> None:
+    if not _by_factors(values):
+        return
+    if axis.axis_name == "x":
+        axis.axes.set_xscale("log")
+    else:
+        axis.axes.set_yscale("log")
+    edges = _edges(values)
+    logarithmic_ticks(axis, edges[0], edges[-1])
+
+
+def _edges(values: Numbers) -> Numbers:
+    """Borders of the cells about ascending values, of shape (n + 1,)."""
+    if len(values) == 1:
+        reach = 0.5 * abs(values[0]) or 0.5
+        return np.array([values[0] - reach, values[0] + reach])
+    logarithmic = _by_factors(values)
+    v = np.log(values) if logarithmic else values
+    middle = (v[1:] + v[:-1]) / 2.0
+    edges = np.concatenate([[2.0 * v[0] - middle[0]], middle, [2.0 * v[-1] - middle[-1]]])
+    result: Numbers = np.exp(edges) if logarithmic else edges
+    return result
+
+
+def study_of_program(
+    options: argparse.Namespace, report: dict[str, Any]
+) -> tuple[Figure, list[str]]:
+    """The picture and the damage of the files that the command line of ``plot`` names."""
+    for given in options.files:
+        if not is_study(given.file):
+            raise UsageError(
+                f"{given} holds no rows of a study; a picture is of a study or of runs"
+            )
+        for option, written in (("--output", options.output), ("--report", options.report)):
+            manifest = manifest_of(given.file)
+            if written and manifest.exists() and same_file(manifest, written):
+                raise UsageError(f"the manifest of FILE and {option} are the same file, {written}")
+    study = read_study_rows([given.file for given in options.files])
+    figure = draw(
+        study,
+        over=options.over,
+        where=dict(map(_key_and_value, options.where)),
+        show=options.show,
+        title=options.title,
+    )
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    report["panels"] = [title for title in titles if title]
+    return figure, study.damage
+
+
+def _key_and_value(text: str) -> tuple[str, float]:
+    key, _, value = text.partition("=")
+    try:
+        return key, float(value)
+    except ValueError:
+        raise UsageError(f"{text} is not allowed; must be KEY=VALUE") from None
