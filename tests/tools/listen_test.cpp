@@ -789,6 +789,78 @@ TEST(ListenTest, TheScatterOfArrivalIsMeasured) {
   EXPECT_FALSE(few.result());
 }
 
+/// What an intake makes of lines of gpiomon on two contacts.
+std::vector<ContactEvent> events_of_gpiomon(const std::string& text, bool inverted = false) {
+  IntakeOptions options;
+  options.lines.contacts = 2;
+  options.lines.levels = {{ColumnRole::level, "1=17"}, {ColumnRole::level, "2=STOP LEFT"}};
+  options.inverted = inverted;
+  options.clock.offset = parse_decimal("2116").value();
+  options.clock.speed = unpaced;
+  Kept kept;
+  Intake intake(options, kept);
+  intake.take(text, 0.0);
+  intake.finish();
+  EXPECT_EQ(kept.sessions.size(), 1U);
+  EXPECT_EQ(intake.counts().bad_lines, 0);
+  return kept.sessions.empty() ? std::vector<ContactEvent>{} : kept.sessions[0];
+}
+
+// As tools/gpiomon.c of libgpiod 1.6 and 2.2 print them; the second with and without --chip.
+TEST(ListenTest, LinesOfGpiomonAreRead) {
+  const std::vector<ContactEvent> events{{0.5, 0, closes}, {0.75, 0, opens}};
+  EXPECT_EQ(events_of_gpiomon("event:  RISING EDGE offset: 17 timestamp: [    2116.500000000]\n"
+                              "event: FALLING EDGE offset: 17 timestamp: [    2116.750000000]\n"),
+            events);
+  EXPECT_EQ(events_of_gpiomon("event:  RISING EDGE offset: 17 timestamp: [2116.500000000]\n"
+                              "event: FALLING EDGE offset: 17 timestamp: [2116.750000000]\n"),
+            events);
+  EXPECT_EQ(events_of_gpiomon("2116.500000000\trising\tgpiochip0 17\n"
+                              "2116.750000000\tfalling\tgpiochip0 17\n"),
+            events);
+  const std::vector<ContactEvent> both{
+      {0.5, 1, closes}, {0.625, 0, closes}, {0.75, 1, opens}, {0.875, 0, opens}};
+  EXPECT_EQ(events_of_gpiomon("2116.500000000\trising\tgpiochip0 27 \"STOP LEFT\"\n"
+                              "2116.625000000\trising\tgpiochip0 17 \"GPIO17\"\n"
+                              "2116.750000000\tfalling\t\"STOP LEFT\"\n"
+                              "2116.875000000\tfalling\tgpiochip0 17 \"GPIO17\"\n"),
+            both);
+  // A contact that pulls its line down; the first edge, of its opening, is no event.
+  EXPECT_EQ(events_of_gpiomon("2116.250000000\trising\tgpiochip0 17\n"
+                              "2116.500000000\tfalling\tgpiochip0 17\n"
+                              "2116.750000000\trising\tgpiochip0 17\n",
+                              true),
+            events);
+}
+
+TEST(ListenTest, LinesOfGpiomonThatCannotBeUsedAreNamed) {
+  const auto problem = [](const std::string& line, const std::vector<ColumnOption>& levels) {
+    LineOptions options;
+    options.levels = levels;
+    return LineParser(options).parse(line).problem;
+  };
+  const std::vector<ColumnOption> levels{{ColumnRole::level, "1=17"}};
+  EXPECT_NE(problem("1.5\trising\tgpiochip0 5", levels).find("--level CONTACT=LINE"),
+            std::string::npos);
+  EXPECT_NE(problem("1.5\trising\tgpiochip0 17", {}).find("--level CONTACT=LINE"),
+            std::string::npos);
+  EXPECT_NE(problem("noon\trising\tgpiochip0 17", levels).find("no time"), std::string::npos);
+  EXPECT_NE(problem("event: LOST EDGE offset: 17 timestamp: [ 1.5]", levels).find("no edge"),
+            std::string::npos);
+}
+
+TEST(ListenTest, RisingAndFallingAreLevels) {
+  IntakeOptions options;
+  options.clock.speed = unpaced;
+  options.lines.threshold = 2.5;
+  Kept kept;
+  Intake intake(options, kept);
+  intake.take("time,contact,level\n0.5,1,rising\n0.75,1,falling\n", 0.0);
+  intake.finish();
+  ASSERT_EQ(kept.sessions.size(), 1U);
+  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{0.5, 0, closes}, {0.75, 0, opens}}));
+}
+
 TEST(ListenTest, GpioEdgesAndThoseThatWereLost) {
   GpioEvents events({17, 27}, 1'000'000'000);
   const auto first = events.take({1'500'000'000, true, 27, 1});

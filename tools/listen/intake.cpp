@@ -208,6 +208,9 @@ bool Intake::take_levels(const std::vector<ContactLevel>& levels, double t, std:
     ContactEdge edge{t, of.contact, EdgeKind::impact};
     if (of.level) {
       LevelEdges& level = levels_[static_cast<std::size_t>(of.contact)];
+      // Before its first edge a level is low, as in lines of one contact.
+      if (of.edge && !level.high())
+        level = {options_.lines.threshold.value_or(0.5), options_.inverted, true};
       const bool first = !level.high();
       const LevelChange change = level.take(*of.level);
       const bool starts_closed = first && *level.high() && options_.impacts == Edge::closed;

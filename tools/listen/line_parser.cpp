@@ -4,6 +4,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <limits>
 
 #include "command_line/program.h"
 #include "sprag/detail/files/csv.h"
@@ -34,6 +35,49 @@ void split_at_blanks(std::string_view line, std::vector<std::string_view>& field
   }
 }
 
+/// The level after an edge of this name.
+std::optional<double> level_after(std::string_view edge) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();  // beyond any threshold
+  if (edge == "rising" || edge == "RISING") return infinity;
+  if (edge == "falling" || edge == "FALLING") return -infinity;
+  return std::nullopt;
+}
+
+/// An edge as gpiomon prints it.
+struct GpioEdge {
+  std::string_view time, edge;
+  std::vector<std::string_view> line;  ///< names of the GPIO line: chip, offset, name
+};
+
+// libgpiod 1: "event:  RISING EDGE offset: 17 timestamp: [    2116.701523641]".
+// libgpiod 2: "2116.701523641\trising\tgpiochip0 17 \"NAME\"", where one or two names may lack.
+std::optional<GpioEdge> parse_gpiomon(std::string_view line) {
+  std::vector<std::string_view> words;
+  if (line.starts_with("event:")) {
+    split_at_blanks(line, words);
+    const bool complete = words.size() >= 7 && words[2] == "EDGE" && words[3] == "offset:" &&
+                          words[5] == "timestamp:" && words.back().ends_with(']');
+    if (!complete) return std::nullopt;
+    std::string_view time = words.back();
+    time.remove_suffix(1);
+    if (time.starts_with('[')) time.remove_prefix(1);
+    return GpioEdge{time, words[1], {words[4]}};
+  }
+  const std::size_t first = line.find('\t');
+  const std::size_t second = line.find('\t', first + 1);
+  if (first == std::string_view::npos || second == std::string_view::npos) return std::nullopt;
+  GpioEdge edge{line.substr(0, first), line.substr(first + 1, second - first - 1), {}};
+  if (!level_after(edge.edge)) return std::nullopt;
+  std::string_view names = line.substr(second + 1);
+  if (const std::size_t quote = names.find('"'); quote != std::string_view::npos) {
+    edge.line.push_back(names.substr(quote + 1, names.rfind('"') - quote - 1));
+    names = names.substr(0, quote);
+  }
+  split_at_blanks(names, words);
+  edge.line.insert(edge.line.end(), words.begin(), words.end());
+  return edge;
+}
+
 std::string counted_fields(std::size_t count) {
   return std::to_string(count) + (count == 1 ? " field" : " fields");
 }
@@ -59,11 +103,35 @@ LineParser::LineParser(const LineOptions& options) : options_(options) {
     const std::string what = assign(found);
     names_.clear();
     if (!what.empty()) throw UsageError("--level: " + what);
+    for (const auto& [column, contact] : roles_.levels)
+      named_levels_.emplace_back(found[column], contact);
   }
 }
 
 std::string LineParser::time_name() const {
   return roles_.time && !names_.empty() ? names_[*roles_.time] : "";
+}
+
+// Reads a line of gpiomon. Returns false if it is none.
+bool LineParser::read_gpiomon(std::string_view line, ParsedLine& result) const {
+  if (!options_.names.empty() || headed_) return false;
+  const std::optional<GpioEdge> edge = parse_gpiomon(line);
+  if (!edge) return false;
+  result.kind = ParsedLine::Kind::problem;
+  result.time = parse_clock_time(edge->time, DecimalMark::point);
+  const auto level = level_after(edge->edge);
+  const auto contact = std::ranges::find_if(named_levels_, [&](const auto& of) {
+    return std::ranges::find(edge->line, of.first) != edge->line.end();
+  });
+  if (!result.time || !level) {
+    result.problem = "is like a line of gpiomon, but has no time or no edge";
+  } else if (contact == named_levels_.end()) {
+    result.problem = "is of a GPIO line without a contact; --level CONTACT=LINE names it";
+  } else {
+    result.kind = ParsedLine::Kind::levels;
+    result.levels.push_back({contact->second, level, true});
+  }
+  return true;
 }
 
 // Splits a line into fields_, if possible into `wanted` of them. Returns false if a quote is open.
@@ -157,8 +225,12 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
 
 std::string LineParser::read_level(std::string_view text, int contact, ParsedLine& result) const {
   const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
+  if (const auto level = level_after(text)) {
+    result.levels.push_back({contact, level, true});
+    return {};
+  }
   const auto number = parse_decimal(text, mark);
-  if (!number) return "the level is not a number";
+  if (!number) return "the level is neither a number nor one of rising, falling";
   const double level = difference_in(*number, {}, {1, 0});
   if (!options_.threshold && level != 0.0 && level != 1.0) {
     return "the level is neither 0 nor 1; --threshold X says from where on it is high";
@@ -186,12 +258,14 @@ ParsedLine LineParser::parse(std::string_view line) {
   };
   const std::size_t begin = line.find_first_not_of(field_blanks);
   if (begin == std::string_view::npos || line[begin] == '#' || line[begin] == ';') return result;
+  if (read_gpiomon(line, result)) return result;
   if (!split(line, names_.size())) return refuse("a quote is not closed");
   if (is_header()) {
     if (!options_.names.empty() && !std::ranges::equal(fields_, options_.names))
       return refuse("is a header that differs from --columns");
     const std::string why = assign({fields_.begin(), fields_.end()});
     if (!why.empty()) return refuse("is a header that cannot be used: " + why);
+    headed_ = true;
     result.kind = Kind::header;
     return result;
   }

@@ -4,7 +4,8 @@
 // A line has one contact, in the columns `time`, `contact` and `level`, or a column of levels for
 // each contact (--level). A header line or --columns names the columns; without both they are
 // time,contact,level. Without a level a line is an impact. Fields are separated by tabs,
-// semicolons, commas or blanks. Lines that begin with # or ; are comments. A further column may
+// semicolons, commas or blanks. The output of gpiomon (libgpiod 1 and 2) is read as it is; --level
+// names its GPIO lines. Lines that begin with # or ; are comments. A further column may
 // have samples of an input (--input); a line without a number there has no sample.
 #pragma once
 
@@ -34,6 +35,7 @@ struct LineOptions {
 struct ContactLevel {
   int contact = 0;              ///< from 0
   std::optional<double> level;  ///< none: the line is an impact
+  bool edge = false;            ///< the level has changed to this one at the time of the line
 };
 
 struct ParsedLine {
@@ -67,6 +69,7 @@ class LineParser {
     std::vector<std::pair<std::size_t, int>> levels;  // column, contact
   };
 
+  bool read_gpiomon(std::string_view line, ParsedLine& result) const;
   bool split(std::string_view line, std::size_t wanted);
   bool is_header() const;
   std::string assign(const std::vector<std::string>& names);
@@ -74,8 +77,10 @@ class LineParser {
   std::string read_level(std::string_view text, int contact, ParsedLine& result) const;
 
   LineOptions options_;
-  std::vector<std::string> names_;  // empty: not known
+  std::vector<std::pair<std::string, int>> named_levels_;  // --level: name, contact
+  std::vector<std::string> names_;                         // empty: not known
   Roles roles_;
+  bool headed_ = false;   // a header has named the columns
   char separator_ = ',';  // of the last line
   std::vector<std::string_view> fields_;
 };
