@@ -657,8 +657,6 @@ TEST_F(ListenProgramTest, BadUsageIsRefusedWithExitCode2) {
   refused({"--baud", "9600"}, "--serial");
   refused({"--tcp", "192.168.0.1:5"}, "127.0.0.1:PORT");
   refused({"--tcp", "65536"}, "65535");
-  refused({"--gpio", "/dev/gpiochip0"}, "CHIP:LINE");
-  refused({"--gpio", path("plain") + ":1"}, path("plain"));
   refused({"--level", "3=D0"}, "contact 3");
   refused({"--columns", "a,b"}, "--time NAME");
   refused({"--stamp", "arrival", "--speed", "max"}, "--speed");
@@ -675,7 +673,6 @@ TEST_F(ListenProgramTest, BadUsageIsRefusedWithExitCode2) {
   };
   refused_stream({"--columns", "time,hit", "--level", "1=hit"}, "no column 'ax' (--input)");
   refused_stream({"--stamp", "arrival"}, "--input and --stamp arrival");
-  refused_stream({"--gpio", "/dev/gpiochip0:1"}, "--input and --gpio");
   write_text(path("clock.toml"), read_text(scene_) + "\n[clock]\nrate = 1.0002\n");
   const Ended twice = run(LISTEN, {path("clock.toml"), "--url", url_, "--rate", "1.0002"});
   EXPECT_EQ(twice.code, 2) << twice.err;

@@ -10,7 +10,6 @@
 #include "sprag/detail/import/import.h"
 #include "tests/support/random.h"
 #include "tools/listen/arrival_scatter.h"
-#include "tools/listen/gpio_events.h"
 #include "tools/listen/intake.h"
 
 namespace sprag {
@@ -859,32 +858,6 @@ TEST(ListenTest, RisingAndFallingAreLevels) {
   intake.finish();
   ASSERT_EQ(kept.sessions.size(), 1U);
   EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{0.5, 0, closes}, {0.75, 0, opens}}));
-}
-
-TEST(ListenTest, GpioEdgesAndThoseThatWereLost) {
-  GpioEvents events({17, 27}, 1'000'000'000);
-  const auto first = events.take({1'500'000'000, true, 27, 1});
-  ASSERT_TRUE(first);
-  EXPECT_EQ(first->lost, 0U);
-  ASSERT_EQ(first->line.levels.size(), 1U);
-  EXPECT_EQ(first->line.levels[0].contact, 1);
-  EXPECT_EQ(first->line.levels[0].level, 1.0);
-  EXPECT_EQ(difference_in(first->line.time->value, {}, {1, -9}), 0.5);
-  EXPECT_EQ(events.take({1'600'000'000, false, 27, 2})->lost, 0U);
-  EXPECT_EQ(events.take({1'700'000'000, true, 17, 6})->lost, 3U);
-  EXPECT_FALSE(events.take({1'700'000'000, true, 5, 7}));
-  GpioEvents wrapping({17}, 0);
-  (void)wrapping.take({1, true, 17, 0xffffffffU});
-  EXPECT_EQ(wrapping.take({2, false, 17, 0})->lost, 0U);
-  EXPECT_EQ(wrapping.take({3, true, 17, 2})->lost, 1U);
-
-  const GpioRequest request = parse_gpio("/dev/gpiochip0:17,27", 2);
-  EXPECT_EQ(request.chip, "/dev/gpiochip0");
-  EXPECT_EQ(request.lines, (std::vector<std::uint32_t>{17, 27}));
-  for (const char* text : {"", ":1", "/dev/gpiochip0", "/dev/gpiochip0:", "/dev/gpiochip0:a",
-                           "/dev/gpiochip0:1,1", "/dev/gpiochip0:1,2,3", "/dev/gpiochip0:-1"}) {
-    EXPECT_THROW(parse_gpio(text, 2), UsageError) << text;
-  }
 }
 
 }  // namespace

@@ -69,13 +69,6 @@ void Intake::take(std::string_view bytes, double arrival) {
   flush();
 }
 
-void Intake::take_parsed(const ParsedLine& line, std::int64_t number, const std::string& text,
-                         double arrival) {
-  ++counts_.lines;
-  take_line(line, number, text, arrival);
-  flush();
-}
-
 void Intake::take_line(const ParsedLine& line, std::int64_t number, std::string_view text,
                        double arrival) {
   using Kind = ParsedLine::Kind;

@@ -83,10 +83,6 @@ class Intake {
   /// Bytes of the source that arrived at `arrival`.
   void take(std::string_view bytes, double arrival);
 
-  /// A line that has been parsed before, as of a device that does not send text.
-  void take_parsed(const ParsedLine& line, std::int64_t number, const std::string& text,
-                   double arrival);
-
   /// Time passes. The watermark follows this host's clock, `latency` behind, while lines arrive.
   void pass(double now);
 

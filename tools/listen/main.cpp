@@ -15,7 +15,7 @@ constexpr const char* description =
     "Lines have a time, a contact (from 1) and its level, 1 while it is closed: "
     "time,contact,level. "
     "A header line or --columns names other columns, and --level columns of levels, one for each "
-    "contact. They come from stdin, --serial, --tcp or --gpio. Bounces and pulses are as in "
+    "contact. They come from stdin, --serial or --tcp. Bounces and pulses are as in "
     "import_events. A line that cannot be used is named on stderr and skipped. A device that "
     "restarts begins a new session.";
 

@@ -39,11 +39,7 @@ void add_listen_options(CLI::App& app, CommonOptions& common, ListenRun& run) {
       app.add_option_function<std::string>(
              "--tcp", set_port, "Accept a client on 127.0.0.1:PORT, one at a time; 0: a free port")
           ->type_name("PORT");
-  CLI::Option* const gpio = add_text(app, "--gpio", run.gpio, "CHIP:LINE,...",
-                                     "GPIO lines, as /dev/gpiochip0:17,27; the k-th is contact k");
   excludes(serial, tcp);
-  excludes(serial, gpio);
-  excludes(tcp, gpio);
   add_level_columns(app, run.intake.lines.levels);
   add_level_options(app, run.levels);
   add_text(app, "--input", run.intake.lines.input, "NAME",

@@ -19,10 +19,9 @@ namespace {
 constexpr int longest_wait = 5;            // ms, between two watermarks
 constexpr double progress_interval = 1.0;  // s
 
-std::unique_ptr<EdgeSource> open_source(const ListenRun& run, int contacts) {
+std::unique_ptr<EdgeSource> open_source(const ListenRun& run) {
   if (!run.serial.empty()) return serial_port(run.serial, run.baud);
   if (run.tcp) return tcp_port(*run.tcp);
-  if (!run.gpio.empty()) return gpio_lines(run.gpio, contacts);
   return standard_input();
 }
 
@@ -33,12 +32,9 @@ void check(const ListenRun& run) {
   const bool unpaced = std::isinf(intake.clock.speed);
   if (intake.stamp_arrival && unpaced)
     throw UsageError("--stamp arrival needs a finite --speed: edges get the times of this host");
-  if (intake.stamp_arrival && !run.gpio.empty())
-    throw UsageError("--gpio has the kernel's time stamps; --stamp arrival is not for it");
-  if (!intake.lines.input.empty() && (intake.stamp_arrival || !run.gpio.empty())) {
-    throw UsageError(std::string("--input and ") +
-                     (run.gpio.empty() ? "--stamp arrival" : "--gpio") +
-                     " exclude each other: samples need the device's times");
+  if (!intake.lines.input.empty() && intake.stamp_arrival) {
+    throw UsageError(
+        "--input and --stamp arrival exclude each other: samples need the device's times");
   }
   if (intake.impacts == Edge::closed || intake.rules.pulse_shorter_than == 0.0) return;
   throw UsageError(
@@ -56,7 +52,6 @@ void complete(ListenRun& run, const Scene& scene) {
   intake.impacts = run.levels.impacts;
   // Messages are on the contact clock, which runs at this rate.
   intake.clock.speed *= scene.clock.rate;
-  if (!run.gpio.empty()) intake.clock.unit = Decimal{1, -9};
   check(run);
   if (intake.lines.input.empty()) return;
   if (!(scene.stream_duration > 0.0)) {
@@ -99,7 +94,6 @@ void fill(const Intake& intake, const EdgeSource& source, const ListenPublicatio
   report["bad_lines"] = counts.bad_lines;
   report["late_edges"] = counts.late_edges;
   report["edges"] = counts.edges;
-  report["lost_edges"] = source.lost_edges();
   report["events"] = publication.published();
   report["contacts"] = nlohmann::ordered_json::array();
   for (int i = 0; i < lines.contacts; ++i) {
@@ -132,8 +126,8 @@ int run_listen(ListenRun run, const Scene& scene, const CommonOptions& common,
                nlohmann::ordered_json& report) {
   complete(run, scene);
   const int contacts = run.intake.lines.contacts;
-  (void)host_start();
-  const std::unique_ptr<EdgeSource> source = open_source(run, contacts);
+  (void)host_seconds();
+  const std::unique_ptr<EdgeSource> source = open_source(run);
   PublisherSettings settings;
   settings.url = common.url;
   settings.key = key_of(common);

@@ -16,7 +16,6 @@ struct ListenRun {
   std::string serial;  ///< device; empty: none
   int baud = 115200;
   std::optional<int> tcp;        ///< port on 127.0.0.1
-  std::string gpio;              ///< CHIP:LINE,...; empty: none
   std::filesystem::path record;  ///< LCM log; empty: none
   LevelOptions levels;
   IntakeOptions intake;  ///< run_listen() completes it by `levels` and the scene

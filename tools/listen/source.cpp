@@ -221,13 +221,8 @@ std::int64_t monotonic_ns() {
 
 }  // namespace
 
-std::int64_t host_start() {
-  static const std::int64_t start = monotonic_ns();
-  return start;
-}
-
 double host_seconds() {
-  const std::int64_t start = host_start();
+  static const std::int64_t start = monotonic_ns();
   return 1e-9 * static_cast<double>(monotonic_ns() - start);
 }
 

@@ -1,4 +1,4 @@
-// Where lines come from: standard input, a serial port, a client on a TCP port, GPIO lines.
+// Where lines come from: standard input, a serial port, a client on a TCP port.
 #pragma once
 
 #include <cstdint>
@@ -29,12 +29,9 @@ class EdgeSource {
 
   /// Number of times that the source was gone and came again.
   std::int64_t reconnections() const { return reconnections_; }
-  /// Edges that the source itself knows to be lost.
-  std::int64_t lost_edges() const { return lost_edges_; }
 
  protected:
   std::int64_t reconnections_ = 0;
-  std::int64_t lost_edges_ = 0;
 };
 
 /// The standard input, up to its end.
@@ -48,15 +45,8 @@ std::unique_ptr<EdgeSource> serial_port(const std::string& device, int baud);
 /// UsageError if the port is in use.
 std::unique_ptr<EdgeSource> tcp_port(int port);
 
-/// GPIO lines of a chip, "/dev/gpiochip0:17,27": the k-th line is contact k. Both edges, with the
-/// kernel's time stamps (CLOCK_MONOTONIC). Throws UsageError if the text is malformed, the lines
-/// cannot be had, or this program was built without <linux/gpio.h>.
-std::unique_ptr<EdgeSource> gpio_lines(const std::string& text, int contacts);
-
 /// Seconds of this host's monotonic clock since the first call in this process, which is t = 0 of
-/// edges that are stamped on arrival and of GPIO lines.
+/// edges that are stamped on arrival.
 double host_seconds();
-/// The monotonic clock [ns] at that first call.
-std::int64_t host_start();
 
 }  // namespace sprag
