@@ -95,10 +95,12 @@ double RecordReader::number(std::size_t column) const {
   const std::string_view field = fields_[column];
   const auto value = parse_double(field);
   if (value) return *value;
-  const bool empty = field.find_first_not_of(" \t") == std::string_view::npos;
-  lines_.fail(field, (empty ? "a field is empty" : "'" + std::string(field.substr(0, 30)) + "'") +
-                         (empty ? "; must be a number (a gap in the record cannot be interpolated)"
-                                : " is not a finite number; must be one, as 0.25 or 1e-3"));
+  if (field.find_first_not_of(" \t") == std::string_view::npos) {
+    lines_.fail(field,
+                "a field is empty; must be a number (a gap in the record cannot be interpolated)");
+  }
+  const std::string shown(field.substr(0, 30));
+  lines_.fail(field, "'" + shown + "' is not a finite number; must be one, as 0.25 or 1e-3");
 }
 
 void RecordReader::check_gaps(const Record& record) const {
