@@ -1,12 +1,12 @@
 // Times of records and messages on a contact clock become the machine's where they are read.
 #include <gtest/gtest.h>
 
+#include "lcmtypes/contact_log.h"
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
 #include "sprag/detail/events/contact_message.h"
 #include "tests/support/random.h"
 #include "tests/support/temporary_directory.h"
-#include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {

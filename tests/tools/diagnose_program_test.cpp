@@ -5,13 +5,13 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contact_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/detail/files/csv.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
-#include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {

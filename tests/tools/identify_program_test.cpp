@@ -7,6 +7,7 @@
 
 #include "command_line/program.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contact_log.h"
 #include "sprag/detail/mechanics/definiteness.h"
 #include "sprag/events_file.h"
 #include "sprag/scene_file.h"
@@ -16,7 +17,6 @@
 #include "tests/support/run.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/options.h"
-#include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {

@@ -9,10 +9,10 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contact_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "sprag/events_file.h"
 #include "tests/support/program_test.h"
-#include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {

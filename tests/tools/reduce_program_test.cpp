@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "lcmtypes/contact_log.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
@@ -12,7 +13,6 @@
 #include "sprag/states_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
-#include "tools/import_events/contact_log.h"
 
 namespace sprag {
 namespace {

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
+#include "lcmtypes/contact_log.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/import/unit.h"
 #include "sprag/events_file.h"
-#include "tools/import_events/contact_log.h"
 #include "tools/import_events/hints.h"
 
 namespace sprag {

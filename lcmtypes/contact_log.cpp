@@ -1,4 +1,4 @@
-#include "tools/import_events/contact_log.h"
+#include "lcmtypes/contact_log.h"
 
 #include <algorithm>
 #include <bit>
