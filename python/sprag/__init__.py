@@ -63,9 +63,10 @@ if importlib.util.find_spec(f"{__name__}._core"):
         to_toml,
         write_scene,
     )
-    from ._events import ContactEventKind, import_events, pulses
+    from ._events import ContactEventKind, pulses
     from ._studies import Study, read_study, run_study
     from ._tolerance import Tolerances, tolerance
+    from .importing import import_events
 else:
     # Pictures, reports and the import of events need no compiled part.
     def __getattr__(name: str) -> object:

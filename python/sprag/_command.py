@@ -214,6 +214,17 @@ def require(module: str, package: str, purpose: str) -> ModuleType:
         ) from None
 
 
+def require_compiled(purpose: str) -> ModuleType:
+    """The compiled part of this package. Raises Error, if it is missing, with its Debian package."""
+    try:
+        return importlib.import_module("._core", __package__)
+    except ModuleNotFoundError:
+        raise Error(
+            f"{purpose} needs the compiled part of the Python package sprag; install python3-sprag, "
+            "or build with SPRAG_PYTHON"
+        ) from None
+
+
 @contextlib.contextmanager
 def written(file: str | os.PathLike[str]) -> Iterator[Path]:
     """Path of a temporary file that replaces `file` when the block ends without an exception.

@@ -716,27 +716,26 @@ class Reduction(metaclass=_Class):
 def reduce(
     scene: Scene, events: _Events, modes: int, *, duration: float = ...
 ) -> list[Reduction]: ...
-def _import_events(
-    file: str | PathLike[str],
-    scene: Scene,
+def _level_changes(
+    levels: npt.NDArray[np.float64], threshold: float, inverted: bool
+) -> npt.NDArray[np.int8]: ...
+def _contact_events(
+    contact: int,
+    closings: npt.NDArray[np.float64],
+    openings: npt.NDArray[np.float64],
+    impacts: npt.NDArray[np.float64],
     *,
-    impacts: dict[int, str],
-    on: dict[int, str],
-    off: dict[int, str],
-    level: dict[int, str],
-    time: str,
-    threshold: float | None,
-    inverted: bool,
-    impacts_at: str | None,
-    unit: float | str | None,
-    offset: float | str,
-    rate: float,
     debounce: float,
     pulse_shorter_than: float,
     duration: float,
-    columns: list[str] | None,
-    separator: str | None,
-) -> npt.NDArray[np.void]: ...
+) -> tuple[npt.NDArray[np.void], dict[str, int], list[tuple[int, int, str]]]: ...
+def _write_contact_log(
+    file: str | PathLike[str],
+    events: _Events,
+    contacts: int,
+    end: float,
+    key: str | PathLike[str] | None,
+) -> int: ...
 def _run_study(
     study: str | PathLike[str], jobs: int | None
 ) -> tuple[dict[str, Any], dict[str, Any]]: ...

@@ -328,7 +328,7 @@ class ImportTest(unittest.TestCase):
                 {"level": "D0", "impacts_at": "up"},
                 {"impacts": "D0", "inverted": True},
                 {"level": "D0", "unit": "h"},
-                {"level": "D0", "separator": "blank"},
+                {"level": "D0", "separator": "bar"},
                 {"level": "D0", "rate": -1.0},
             ):
                 with self.subTest(wrong), self.assertRaises(ValueError):

@@ -1,0 +1,139 @@
+"""Contact events from the files of devices, spreadsheets and loggers.
+
+Reading is exact and never silent: what is guessed is said, what cannot be used is named by its
+line, and what cannot be known is refused. Columns of impacts need no compiled part of the package.
+"""
+
+from __future__ import annotations
+
+import os
+import tomllib
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from .events import Columns, Levels, Rules, import_table
+from .formats import located, read_file
+from .tables import SEPARATORS
+from .times import ArgumentError, Clock
+
+if TYPE_CHECKING:
+    from .._core import Scene
+
+__all__ = ["import_events", "main"]
+
+_Columns = Union[str, Mapping[int, str], None]
+
+
+def main() -> int:
+    """The program import_events."""
+    from .program import main as run
+
+    return run()
+
+
+def _by_contact(columns: _Columns) -> dict[int, str]:
+    if columns is None:
+        return {}
+    return {1: columns} if isinstance(columns, str) else dict(columns)
+
+
+def _as_text(value: Union[float, str]) -> str:
+    return f"{value:.17g}" if isinstance(value, float) else str(value)
+
+
+def _check_rate(scene: Union[Scene, int], rate: float) -> int:
+    """Number of contacts. Refuses a rate that the scene's clock would correct again."""
+    if isinstance(scene, int):
+        return scene
+    if rate != 1.0:
+        from .._core import to_toml
+
+        if tomllib.loads(to_toml(scene)).get("clock", {}).get("rate", 1.0) != 1.0:
+            raise ValueError("rate and the scene's clock.rate would correct the same clock twice")
+    return scene.m
+
+
+def import_events(
+    file: Union[str, os.PathLike[str]],
+    scene: Union[Scene, int],
+    *,
+    impacts: _Columns = None,
+    on: _Columns = None,
+    off: _Columns = None,
+    level: _Columns = None,
+    time: Optional[str] = None,
+    threshold: Optional[float] = None,
+    inverted: bool = False,
+    impacts_at: Optional[str] = None,
+    sample_rate: Optional[float] = None,
+    unit: Union[float, str, None] = None,
+    offset: Union[float, str] = 0.0,
+    rate: float = 1.0,
+    counter_bits: Optional[int] = None,
+    day_first: Optional[bool] = None,
+    any_order: bool = False,
+    debounce: float = 0.0,
+    pulse_shorter_than: float = 0.0,
+    duration: float = np.inf,
+    columns: Optional[Sequence[str]] = None,
+    separator: Optional[str] = None,
+    skip_lines: int = 0,
+) -> npt.NDArray[np.void]:
+    """Reads columns of time stamps or levels as events, n entries of event_dtype, t in seconds.
+
+    The file is text (CSV, TSV, columns by blanks, LVM), VCD, .xlsx, .mat, .npy, or a .wav whose
+    onsets are impacts. `scene`: the machine, or its number of contacts.
+
+    impacts: name of the column of impacts of contact 1, or the name of each contact's column by its
+    number from 1; on and off: of the times at which contacts close and open; level: of levels, high
+    while a contact is closed, NAME@COLUMN=VALUE: of the rows in which COLUMN is VALUE. All of them
+    None: the only column of the file.
+
+    Of levels: time is the column of their times, None: the one that its name shows; a level above
+    threshold is high, None: 0.5, of levels 0 and 1 and of words such as on and off; inverted: low
+    while the contact is closed; impacts_at: "rising", "falling" or "both" edges are impacts, None:
+    contacts that close and open; sample_rate [1/s]: of rows without times.
+
+    unit: "s", "ms", "us", "ns" or seconds, None: as the file says, else seconds; offset: the file's
+    time at the machine's t = 0, in its unit or as a date or a time such as "12:34:00"; rate:
+    seconds of the file's clock per second of the machine; counter_bits: times are a counter of so
+    many bits
+    that wraps; day_first: of dates such as 5/3/2024; any_order: times of a column may go back,
+    which is refused otherwise. debounce [s]: bounces that follow sooner are merged;
+    pulse_shorter_than [s]: shorter contacts become pulses. Later events than duration [s] are left
+    out. columns: names of the columns of a file without a header line; separator: "comma",
+    "semicolon", "tab" or "blank", None: as the file shows; skip_lines: lines before the table.
+
+    Cells that cannot be used are left out with a RuntimeWarning; so are doubtful guesses named.
+    Raises InputError for a file that cannot be used, ValueError for wrong arguments, Error if an
+    optional package is missing.
+    """
+    if separator is not None and separator not in SEPARATORS:
+        raise ArgumentError(
+            f'separator is "{separator}"; must be "comma", "semicolon", "tab" or "blank"'
+        )
+    contacts = _check_rate(scene, rate)
+    clock = Clock(
+        None if unit is None else _as_text(unit),
+        _as_text(offset),
+        rate,
+        counter_bits,
+        day_first,
+        any_order,
+    )
+    levels = Levels(time or None, threshold, inverted, impacts_at, sample_rate)
+    rules = Rules(debounce, pulse_shorter_than, duration)
+    chosen = Columns(*map(_by_contact, (impacts, on, off, level)))
+    chosen.check(contacts)
+    table = read_file(file, columns, separator, skip_lines)
+    with located(file):
+        imported = import_table(table, contacts, chosen, clock, levels, rules)
+    for problem in imported.problems:
+        warnings.warn(f"{os.fspath(file)}:{problem}; left out", RuntimeWarning, stacklevel=2)
+    for doubt in imported.doubts:
+        warnings.warn(f"{os.fspath(file)}: {doubt}", RuntimeWarning, stacklevel=2)
+    return imported.events

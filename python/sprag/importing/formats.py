@@ -1,0 +1,266 @@
+"""Files of other kinds than text as tables; kinds that cannot be read are named."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .._command import require
+from .._errors import InputError
+from .moments import TIME_UNITS
+from .tables import Table, read_table
+
+# Below the peak of a sound, and after a pause of this length [s], a sample is an onset.
+_BELOW_PEAK = 10 ** (-30 / 20)
+_PAUSE = 0.03
+
+_FOREIGN = {  # first bytes, what the file is and what to do
+    b"\x89HDF": "is HDF5 (MATLAB's -v7.3 too); save with -v7, or export CSV",
+    b"HDF": "is an HDF4 file; export CSV",
+    b"TDSm": "is a LabVIEW TDMS file; export CSV",
+    b"#ROSBAG": "is a ROS bag; export CSV with rostopic echo -p",
+    b"<SALEAE>": "is a Saleae capture; export CSV",
+    b"\xed\xa1\xda\x01": "is an LCM log, which observer --replay reads as it is",
+    b"\x7fELF": "is a program",
+    b"%PDF": "is a PDF",
+    b"\xd0\xcf\x11\xe0": "is an old Excel file; save as .xlsx or CSV",
+    b"\x1f\x8b": "is compressed; use gunzip",
+}
+
+
+def read_file(
+    file: str | os.PathLike[str],
+    names: Sequence[str] | None = None,
+    separator: str | None = None,
+    skip_lines: int = 0,
+) -> Table:
+    """Reads a table: text (CSV, TSV, blanks, LVM), VCD, .xlsx, .mat, .npy, or onsets of a .wav.
+
+    The arguments are those of read_table(). Raises InputError, with the file's name.
+    """
+    try:
+        with open(file, "rb") as stream:
+            data = stream.read()
+    except OSError as error:
+        raise InputError(f"{file}: {error.strerror}") from None
+    with located(file):
+        return _read(data, names, separator, skip_lines)
+
+
+@contextlib.contextmanager
+def located(file: str | os.PathLike[str]) -> Iterator[None]:
+    """Puts the file's name before the message of an InputError, as FILE:LINE: or FILE: ."""
+    try:
+        yield
+    except InputError as error:
+        place = "" if re.match(r"[0-9]+:", str(error)) else " "
+        raise InputError(f"{os.fspath(file)}:{place}{error}") from None
+
+
+def _read(
+    data: bytes, names: Sequence[str] | None, separator: str | None, skip_lines: int
+) -> Table:
+    for magic, what in _FOREIGN.items():
+        if data.startswith(magic):
+            raise InputError(what)
+    binary = _binary_reader(data)
+    if binary:
+        try:
+            return binary(data)
+        except InputError:
+            raise
+        except MemoryError:
+            raise InputError("claims to hold more than fits in memory; it is damaged") from None
+        except Exception as error:  # the libraries raise many kinds for damaged files
+            text = str(error).split("\n")[0] or type(error).__name__
+            raise InputError(f"cannot be read: {text}") from None
+    text, remarks = _decoded(data)
+    start = text.lstrip()
+    if start.startswith(("$date", "$version", "$timescale", "$comment", "$scope")):
+        return _read_vcd(text)
+    if start[:1] in ("{", "[") and text.rstrip()[-1:] in ("}", "]"):
+        raise InputError("is JSON; export CSV")
+    table = read_table(text, names, separator, skip_lines)
+    table.remarks[:0] = remarks
+    return table
+
+
+def _decoded(data: bytes) -> tuple[str, list[str]]:
+    marks = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+    for mark, code in marks.items():
+        if data.startswith(mark):
+            try:
+                return data.decode(code), []
+            except UnicodeDecodeError:
+                raise InputError(f"begins as {code.upper()} and is none") from None
+    try:
+        text, remarks = data.decode("utf-8"), []
+    except UnicodeDecodeError:
+        text, remarks = data.decode("latin-1"), ["the text is not UTF-8; it is read as Latin-1"]
+    if re.search(r"[\0-\x08\x0e-\x1a\x1c-\x1f]", text[:4000]):
+        raise InputError("is a binary file of an unknown kind; export CSV")
+    return text, remarks
+
+
+def _binary_reader(data: bytes) -> Callable[[bytes], Table] | None:
+    if data.startswith(b"PK\x03\x04"):
+        return _read_excel if b"[Content_Types]" in data[:4000] or b"xl/" in data else _refuse_zip
+    if data.startswith(b"MATLAB 5.0"):
+        return _read_mat
+    if data.startswith(b"\x93NUMPY"):
+        return _read_npy
+    if data.startswith((b"RIFF", b"RIFX")) and data[8:12] == b"WAVE":
+        return _read_wav
+    return None
+
+
+def _refuse_zip(data: bytes) -> Table:
+    raise InputError("is a zip archive (sigrok's .sr, numpy's .npz, ...); export CSV")
+
+
+def _text_of(value: Any) -> str:
+    """A number as a cell: integers with all digits, "" for NaN."""
+    if isinstance(value, bool):
+        return str(int(value))
+    return "" if value != value else str(value) if isinstance(value, int) else repr(value)
+
+
+def _of_numbers(names: list[str], columns: Sequence[npt.NDArray[Any]]) -> Table:
+    cells = [[_text_of(value) for value in column.tolist()] for column in columns]
+    rows = [list(row) for row in zip(*cells)]
+    if not rows:
+        raise InputError("has no rows")
+    return Table(names, rows, list(range(1, len(rows) + 1)))
+
+
+def _read_excel(data: bytes) -> Table:
+    openpyxl = require("openpyxl", "python3-openpyxl", "reading .xlsx files")
+    book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
+    rows = [
+        [_excel_cell(cell).replace("\t", " ") for cell in row]
+        for row in book.worksheets[0].iter_rows(values_only=True)
+    ]
+    table = read_table("\n".join("\t".join(row) for row in rows), None, "tab")
+    if len(book.worksheets) > 1:
+        table.remarks.append(
+            f"only the first of {len(book.worksheets)} sheets is read, "
+            f"'{book.worksheets[0].title}'"
+        )
+    return table
+
+
+def _excel_cell(value: Any) -> str:
+    if value is None:
+        return ""
+    if hasattr(value, "isoformat"):  # a date, or a time of day
+        return str(value.isoformat(sep=" ") if hasattr(value, "hour") and hasattr(value, "year")
+                   else value.isoformat())  # fmt: skip
+    return repr(value) if isinstance(value, float) else str(value)
+
+
+def _read_mat(data: bytes) -> Table:
+    scipy_io = require("scipy.io", "python3-scipy", "reading .mat files")
+    arrays = {
+        name: np.asarray(value).squeeze()
+        for name, value in scipy_io.loadmat(io.BytesIO(data)).items()
+        if not name.startswith("__") and np.asarray(value).dtype.kind in "fiub"
+    }
+    if {"Tinterval", "Tstart"} <= arrays.keys():
+        return _of_picoscope(arrays)
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name, array in arrays.items():
+        if array.ndim == 1:
+            columns[name] = array
+        elif array.ndim == 2:
+            columns.update({f"{name}{i + 1}": column for i, column in enumerate(array.T)})
+    if not columns:
+        raise InputError("has no vectors")
+    if len({len(column) for column in columns.values()}) > 1:
+        sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
+        raise InputError(f"its variables differ in length: {sizes}")
+    return _of_numbers(list(columns), list(columns.values()))
+
+
+def _of_picoscope(arrays: dict[str, npt.NDArray[Any]]) -> Table:
+    signals = {name: array for name, array in arrays.items() if array.ndim == 1 and len(array) > 1}
+    if not signals:
+        raise InputError("has no signals")
+    longest = max(len(signal) for signal in signals.values())
+    t = float(arrays["Tstart"]) + np.arange(longest) * float(arrays["Tinterval"])
+    table = _of_numbers(["Time [s]", *signals], [t, *signals.values()])
+    table.remarks.append("times are Tstart + k Tinterval")
+    return table
+
+
+def _read_npy(data: bytes) -> Table:
+    array = np.load(io.BytesIO(data), allow_pickle=False)
+    if array.dtype.names:
+        return _of_numbers(list(array.dtype.names), [array[name] for name in array.dtype.names])
+    if array.ndim not in (1, 2) or array.dtype.kind not in "fiub":
+        raise InputError("must be an array of one or two dimensions of numbers")
+    columns = [array] if array.ndim == 1 else list(array.T)
+    table = _of_numbers([f"column {i + 1}" for i in range(len(columns))], columns)
+    table.remarks.append(f"the columns have no names; they are called {', '.join(table.names)}")
+    table.has_header = False
+    return table
+
+
+def _read_wav(data: bytes) -> Table:
+    wavfile = require("scipy.io.wavfile", "python3-scipy", "reading .wav files")
+    rate, sound = wavfile.read(io.BytesIO(data))
+    level = sound.astype(float)
+    level = level if level.ndim == 1 else level.mean(axis=1)
+    level = np.abs(level - np.median(level)) if len(level) else level
+    loud = np.flatnonzero(level > level.max(initial=0.0) * _BELOW_PEAK)
+    onsets = loud[np.diff(loud, prepend=-rate) > _PAUSE * rate]
+    if not len(onsets):
+        raise InputError("is silent")
+    table = _of_numbers(["Onset [s]"], [onsets / rate])
+    table.remarks.append(
+        f"{len(onsets)} onsets: the first sample less than 30 dB below the peak after a pause of "
+        f"{_PAUSE:g} s"
+    )
+    return table
+
+
+def _read_vcd(text: str) -> Table:
+    """Value change dump: a row of all signals at each time of a change."""
+    head, _, body = text.partition("$enddefinitions")
+    scale = re.search(r"\$timescale\s+([0-9]+)\s*(fs|ps|ns|us|ms|s)\s+\$end", head)
+    if not scale:
+        raise InputError("the VCD file has no $timescale")
+    signals = {
+        match["code"]: match["name"]
+        for match in re.finditer(
+            r"\$var\s+(?P<type>\w+)\s+(?P<bits>[0-9]+)\s+(?P<code>\S+)\s+(?P<name>.+?)\s+\$end",
+            head,
+        )
+        if match["bits"] == "1" or match["type"] == "real"
+    }
+    now, rows, lines = "", [], []
+    values = dict.fromkeys(signals, "")
+    for number, line in enumerate(body.split("\n"), head.count("\n") + 1):
+        line = line.strip()
+        change = re.fullmatch(r"([01xXzZ])(\S+)|[rR](\S+)\s+(\S+)", line)
+        if line.startswith("#"):
+            if now:
+                rows.append([now, *values.values()])
+                lines.append(number)
+            now = line[1:].strip()
+        elif change and (change[2] or change[4]) in values:
+            value = change[1] or change[3]
+            values[change[2] or change[4]] = "" if value in ("x", "X", "z", "Z") else value
+    if now:
+        rows.append([now, *values.values()])
+        lines.append(body.count("\n") + head.count("\n") + 1)
+    if not rows:
+        raise InputError("the VCD file has no times")
+    unit = scale[2] if scale[1] == "1" else f"{int(scale[1]) * TIME_UNITS[scale[2]]}"
+    return Table(["Time", *signals.values()], rows, lines, {"Time": unit})
