@@ -318,6 +318,33 @@ TEST_F(ImportEventsTest, BatchedTimeStampsAreReported) {
   EXPECT_NEAR(report()["batches"]["period"].get<double>(), 0.02, 1e-3);
 }
 
+TEST_F(ImportEventsTest, ATimeThatGoesBackIsNamed) {
+  write_text(directory_ / "ascending.csv", "Impact [s]\n0.5\n0.75\n1.25\n");
+  const Ended ascending = import({path("ascending.csv"), scene("bouncing_ball")});
+  EXPECT_EQ(ascending.err.find("goes back"), std::string::npos) << ascending.err;
+  write_text(directory_ / "back.csv", "Impact [s]\n0.5\n1.25\n0.75\n");
+  const Ended back = import({path("back.csv"), scene("bouncing_ball")});
+  EXPECT_EQ(back.code, 0) << back.err;
+  EXPECT_NE(back.err.find("back.csv:4: column Impact [s]: the time goes back, to 0.75"),
+            std::string::npos)
+      << back.err;
+}
+
+TEST_F(ImportEventsTest, ARowOfUnitsIsRefusedUnlessTheUnitIsKnown) {
+  write_text(directory_ / "units.csv", "Time,Channel A\n(ms),(V)\n\n451,0\n452,5\n453,0\n");
+  const Arguments command{path("units.csv"), scene("bouncing_ball"), "--level",
+                          "Channel A",       "--threshold",          "2.5"};
+  const Ended refused = import(command);
+  EXPECT_EQ(refused.code, 2) << refused.err;
+  EXPECT_NE(refused.err.find("units.csv:2: is a row of units, '(ms)'"), std::string::npos)
+      << refused.err;
+  Arguments known = command;
+  known.insert(known.end(), {"--unit", "ms"});
+  const Ended read = import(known);
+  EXPECT_EQ(read.code, 0) << read.err;
+  EXPECT_NE(read.out.find("0.45200000000000001,1,1"), std::string::npos) << read.out;
+}
+
 class ContactLogTest : public ImportEventsTest {
  protected:
   struct Sent {

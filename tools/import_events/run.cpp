@@ -50,6 +50,32 @@ void print_summary(const Import& import) {
             << " events before t = 0, " << import.after_duration << " after the duration\n";
 }
 
+// Instruments print ascending times, unless a counter wraps or the instrument restarts.
+void print_falls(const std::string& file, const Import& import) {
+  for (const RowProblem& fall : import.falls) {
+    std::cerr
+        << file << ':' << to_text(fall)
+        << "; the rows are sorted by time. Wrong if a counter has wrapped, the instrument was "
+           "restarted, or digits are missing: correct the times, or import each part alone\n";
+  }
+}
+
+// A row of units, as '(ms),(V)', below the header: its unit would be ignored.
+void refuse_row_of_units(const ImportRun& run, const ColumnFile& columns, const std::string& file) {
+  if (run.unit) return;
+  for (const Column& column : columns.columns) {
+    if (column.cells.empty()) return;
+    const std::string_view text = column.cells.front().text;
+    const bool brackets = (text.starts_with('(') && text.ends_with(')')) ||
+                          (text.starts_with('[') && text.ends_with(']'));
+    if (!brackets) return;
+  }
+  const Cell& first = columns.columns.front().cells.front();
+  throw InputError(file + ":" + std::to_string(first.line) + ": is a row of units, '" +
+                   std::string(first.text) +
+                   "', that is not read; say the unit of the times with --unit");
+}
+
 void fill(const Import& import, nlohmann::ordered_json& report) {
   report["events"] = import.events.size();
   if (!import.events.empty()) {
@@ -111,6 +137,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   const std::string file = run.file.string();
   const std::string text = read_whole(run.file, largest_capture);
   ColumnFile columns = parse_columns(text, file, run.separator, run.names);
+  refuse_row_of_units(run, columns, file);
   auto chosen = choose_columns(run.columns, columns, contacts, file);
   check_levels(run, chosen);
   warn_of_unfed(chosen, contacts);
@@ -128,6 +155,7 @@ int run_import(const ImportRun& run, int contacts, const CommonOptions& common,
   options.unit = unit.seconds;
   const Import import = import_events(columns, chosen, options);
   print_problems(file, import.problems);
+  print_falls(file, import);
   print_summary(import);
   fill(import, report);
   print_hints(import, report);

@@ -58,6 +58,7 @@ class Importer {
   std::vector<Stamp> stamps(std::size_t index) {
     const auto mark = columns_.separator == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
     std::vector<Stamp> stamps;
+    bool falls = false;
     Decimal last = options_.offset;
     for (const Cell& cell : columns_.columns[index].cells) {
       const auto time = parse_clock_time(cell.text, mark);
@@ -69,6 +70,10 @@ class Importer {
       const Decimal unit = clock ? Decimal{1, 0} : options_.unit;
       const double t = time ? difference_in(value, options_.offset, unit) / options_.rate : never;
       if (std::isfinite(t)) {
+        if (!stamps.empty() && t < stamps.back().t && !std::exchange(falls, true)) {
+          result_.falls.push_back({cell.line, columns_.columns[index].name,
+                                   "the time goes back, to " + std::string(cell.text)});
+        }
         stamps.push_back({t, cell.line});
       } else {
         refuse(index, cell.line, std::string(cell.text).append(" is not a finite number"));

@@ -59,6 +59,9 @@ struct Import {
   std::int64_t before_start = 0;        ///< events omitted because they lie before t = 0
   std::int64_t after_duration = 0;      ///< events omitted because they lie after the duration
   bool of_clock = false;                ///< some times are dates or times of day
+  /// First row of each column of times whose time is before that of the row above it. The events
+  /// are sorted all the same.
+  std::vector<RowProblem> falls;
 };
 
 /// The events of the contacts in `chosen`. A contact that closes before t = 0 and opens later
