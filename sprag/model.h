@@ -61,6 +61,7 @@ struct Output {
   std::string name;           ///< as in the scene file
   Eigen::VectorXd direction;  ///< f entries
   bool velocity = false;      ///< direction^T u instead of direction^T q
+  std::string unit{};         ///< in titles of pictures; empty: not given
 };
 
 /// \brief Impact law. Both coincide for an impact of one contact alone.

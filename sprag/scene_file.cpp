@@ -396,8 +396,8 @@ std::string read_output_name(const TomlTable& table, const std::vector<Output>& 
 void read_outputs(const TomlTable& root, Scene& scene) {
   std::vector<Output>& outputs = scene.model.outputs;
   const std::vector<TomlTable> tables =
-      scene.beam ? root.tables("output", {"name", "position", "quantity"})
-                 : root.tables("output", {"name", "direction", "quantity"});
+      scene.beam ? root.tables("output", {"name", "position", "quantity", "unit"})
+                 : root.tables("output", {"name", "direction", "quantity", "unit"});
   if (tables.size() > max_outputs) {
     tables[max_outputs].fail_here("output has " + std::to_string(tables.size()) +
                                   " tables; must have at most " + std::to_string(max_outputs));
@@ -409,6 +409,12 @@ void read_outputs(const TomlTable& root, Scene& scene) {
             ? mode_shapes(*scene.beam, table.number("position", {0.0, scene.beam->length, true}))
             : read_direction(table, scene.model.coordinates());
     output.velocity = table.choice("quantity", {"displacement", "velocity"}) == "velocity";
+    output.unit = table.string_or("unit", "");
+    constexpr std::size_t longest_unit = 20;
+    if (output.unit.size() > longest_unit) {
+      table.fail("unit", "has " + std::to_string(output.unit.size()) +
+                             " bytes; must have at most " + std::to_string(longest_unit));
+    }
     outputs.push_back(std::move(output));
   }
 }

@@ -111,9 +111,22 @@ Force make_force(Eigen::VectorXd direction, double constant, const Harmonic& har
   return {std::move(direction), required_finite("constant", constant), harmonic};
 }
 
-Output make_output(std::string name, Eigen::VectorXd direction, bool velocity) {
+Output make_output(std::string name, Eigen::VectorXd direction, bool velocity, std::string unit) {
   require(direction.allFinite(), "direction must be finite");
-  return {std::move(name), std::move(direction), velocity};
+  return {std::move(name), std::move(direction), velocity, std::move(unit)};
+}
+
+Rows gaps_of(const Scene& scene, const Eigen::VectorXd& t, const Rows& q) {
+  const Model& model = scene.model;
+  require(q.rows() == t.size() && q.cols() == model.coordinates(),
+          "q must have a row of " + std::to_string(model.coordinates()) + " for each entry of t");
+  Rows gaps(t.size(), std::ssize(model.contacts));
+  for (Eigen::Index k = 0; k < t.size(); ++k) {
+    for (Eigen::Index i = 0; i < gaps.cols(); ++i) {
+      gaps(k, i) = gap(model.contacts[static_cast<std::size_t>(i)], q.row(k), t[k]);
+    }
+  }
+  return gaps;
 }
 
 ImpactLaw to_law(const std::string& law) {
@@ -498,10 +511,11 @@ void bind_model(py::module_& module) {
                      "A quantity with a name: direction^T q, or with velocity direction^T u; "
                      "direction has f entries.")
       .def(py::init(&make_output), py::arg("name"), py::arg("direction"),
-           py::arg("velocity") = false)
+           py::arg("velocity") = false, py::arg("unit") = "")
       .def_readonly("name", &Output::name)
       .def_property_readonly("direction", vector_property(&Output::direction))
-      .def_readonly("velocity", &Output::velocity);
+      .def_readonly("velocity", &Output::velocity)
+      .def_readonly("unit", &Output::unit, "As in the scene file; empty where not given.");
 
   py::class_<Model, std::shared_ptr<Model>>(
       module, "Model",
@@ -688,6 +702,8 @@ void bind_scene_values(SceneClass& of_scene) {
           "machine_time", [](const Scene& scene, double t) { return machine_time(scene.clock, t); },
           py::arg("t"),
           "The machine's time at a reading of the contact clock [s], by the scene's [clock].")
+      .def("gaps", &gaps_of, py::arg("t"), py::arg("q"),
+           "Gaps g(q, t) of all contacts [m], n x m, for times t, n entries, and q, n x f.")
       .def_property_readonly(
           "tolerance", [](const Scene& scene) -> const Tolerance& { return scene.prior.tolerance; },
           py::return_value_policy::reference_internal,

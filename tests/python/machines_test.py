@@ -70,7 +70,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
     def test_outputs_have_names_values_and_sigmas(self):
         outputs = [
             sprag.Output("tip", [1.0, -1.0]),
-            sprag.Output("speed", [0.0, 1.0], velocity=True),
+            sprag.Output("speed", [0.0, 1.0], velocity=True, unit="m/s"),
         ]
         model = sprag.Model(
             np.eye(2),
@@ -88,6 +88,7 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertEqual(list(machine.sigma.q), [0.25, 0.5])
         self.assertEqual([o.name for o in machine.model.outputs], ["tip", "speed"])
         self.assertTrue(machine.model.outputs[1].velocity)
+        self.assertEqual([o.unit for o in machine.model.outputs], ["", "m/s"])
         run = sprag.simulate(machine, 10.0)
         estimates = sprag.observe(machine, run.events, 10.0)
         np.testing.assert_array_equal(estimates.outputs[:, 0], estimates.q[:, 0] - estimates.q[:, 1])
@@ -102,6 +103,20 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertEqual(observer.settle()[-1].outputs.shape, (2,))
         with self.assertRaisesRegex(ValueError, "output"):
             sprag.Model(np.eye(1), np.eye(1), np.eye(1), model.contacts[:0], outputs=outputs)
+
+    def test_gaps_are_those_of_the_contacts(self):
+        machine = sprag.read_scene("two_stops_beam")
+        run = sprag.simulate(machine, 2.0)
+        gaps = machine.gaps(run.t, run.q)
+        self.assertEqual(gaps.shape, (len(run.t), 2))
+        for i, contact in enumerate(machine.model.contacts):
+            s = contact.motion
+            shift = s.amplitude * np.cos(s.frequency * run.t + s.phase)
+            expected = run.q @ contact.w + shift + contact.clearance
+            np.testing.assert_allclose(gaps[:, i], expected, rtol=0, atol=1e-15)
+        self.assertGreater(gaps.min(), -1e-12)
+        with self.assertRaisesRegex(ValueError, "row of 5 for each"):
+            machine.gaps(run.t[:-1], run.q)
 
     def test_remarks_on_a_scene_are_warnings(self):
         text = (

@@ -108,11 +108,25 @@ TEST(Outputs, ErrorsAreReported) {
       error("[[output]]\nname = \"a\"\n" + direction + "[[output]]\nname = \"a\"\n" + direction),
       "output[2].name is \"a\" again; must be another one");
   EXPECT_EQ(error("[[output]]\nname = \"a\"\nposition = 1.0\n"),
-            "unknown key output[1].position; must be one of name, direction, quantity");
+            "unknown key output[1].position; must be one of name, direction, quantity, unit");
   EXPECT_EQ(error("[[output]]\nname = \"a\"\ndirection = [1, 0, 0]\n"),
             "output[1].direction has size 3; must be 2, as many as coordinates");
   EXPECT_EQ(error("[[output]]\nname = \"a\"\nquantity = \"force\"\n" + direction),
             "output[1].quantity is \"force\"; must be \"displacement\" or \"velocity\"");
+  EXPECT_EQ(
+      error("[[output]]\nname = \"a\"\nunit = \"" + std::string(21, 'm') + "\"\n" + direction),
+      "output[1].unit has 21 bytes; must have at most 20");
+}
+
+TEST(Outputs, UnitsAreReadAndWritten) {
+  const Scene scene =
+      with_outputs(text_of("lab_rig"), std::string(of_rig) + "unit = \"\\\"µm\\\" / s\"\n", 0.0);
+  const Scene again = parse_scene(to_toml(scene, ""), "x.toml");
+  for (const Scene& of : {scene, again}) {
+    ASSERT_EQ(of.model.outputs.size(), 2U);
+    EXPECT_EQ(of.model.outputs[0].unit, "");
+    EXPECT_EQ(of.model.outputs[1].unit, "\"µm\" / s");
+  }
 }
 
 class OutputsProgramTest : public test::ProgramTest {

@@ -93,6 +93,7 @@ void add_output(std::string& text, const Output& output) {
   text += "\n[[output]]\nname = " + in_quotes(output.name) + '\n';
   add(text, "direction", output.direction);
   if (output.velocity) text += "quantity = \"velocity\"\n";
+  if (!output.unit.empty()) text += "unit = " + in_quotes(output.unit) + '\n';
 }
 
 // In kept modes the motion of a support on the ground does not follow from w and the influence.
