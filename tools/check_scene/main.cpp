@@ -32,6 +32,9 @@ int main(int argc, char** argv) {
   sprag::add_common_options(*app, common);
   sprag::add_scene(*app, common, file);
   sprag::add_flag(*app, "--json", json, "Print one JSON object");
+  bool machine = false;
+  sprag::add_flag(*app, "--machine", machine,
+                  "Check nothing: print contacts and outputs of the machine as one JSON object");
 
   CLI::Option* accuracy =
       sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
@@ -43,13 +46,18 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(file, common);
+    nlohmann::ordered_json object;
+    if (machine) {
+      sprag::write_machine(scene, object);
+      sprag::print_result(object, "", true, report);
+      return sprag::exit_done;
+    }
     sprag::TrialLimits limits;
     limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
       return std::chrono::steady_clock::now() - begin > longest_trial;
     };
     sprag::Assessment assessment = sprag::assess(scene, limits);
     if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
-    nlohmann::ordered_json object;
     sprag::write_json(assessment, object);
     sprag::write_parameters(scene, object);
     const auto guaranteed = sprag::guaranteed_widths(scene);
