@@ -120,7 +120,8 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
     const bool damping = of_machine.unknowns()[k].kind == Kind::damping;
     const double off = damping && trial.damping_off > 0.0 ? trial.damping_off : trial.off;
     const double sign = draw.uniform() < 0.5 ? -1.0 : 1.0;
-    value *= 1.0 + sign * draw.uniform(0.5, 1.0) * off;
+    // The machine deviates from the scene by a share of the scene's value, as Unknown::within.
+    value /= 1.0 + sign * draw.uniform(0.5, 1.0) * off;
     limit(of_machine.unknowns()[k], value);
   }
   asked.nominal = of_machine.with(wrong);

@@ -12,7 +12,7 @@
 namespace sprag::identification_study {
 
 struct Trial {
-  double off = 0.2;  ///< each nonlinear parameter of the scene is wrong by (0.5 ... 1) of it
+  double off = 0.2;  ///< the machine differs in each nonlinear parameter by (0.5 ... 1) of it
   double machine_off = 0.0;  ///< the machine is off by up to it; its phase and clearance are random
   double damping_off = 0.0;  ///< of the damping, instead of `off`; 0: `off`
   int impacts = 100;

@@ -375,6 +375,25 @@ TEST_F(IdentifyProgramTest, MisfitIsRefusedUnlessAccepted) {
   EXPECT_GT(read_scene(path("fitted.toml")).prior.jitter, 1e-3);
 }
 
+// --within is relative to the scene's value.
+TEST_F(IdentifyProgramTest, AValueBeyondWithinIsRefused) {
+  Scene real = shipped_scene("lab_rig");
+  real.model.C *= 1.24;
+  EventsWriter writer(path("events.csv"));
+  for (const ContactEvent& event : test::events_of(real, 20.0)) writer.write(event);
+  ASSERT_TRUE(writer.close());
+  const Arguments arguments{path("events.csv"), scene_file("lab_rig"), "--free",
+                            "impact.restitution,system.C", "--json"};
+  const Ended refused = identify(arguments);
+  EXPECT_EQ(refused.code, 3) << refused.out;
+  EXPECT_EQ(nlohmann::json::parse(refused.out)["problem"], "bound_reached") << refused.out;
+  Arguments wider = arguments;
+  wider.insert(wider.end(), {"--within", "0.25"});
+  const Ended found = identify(wider);
+  ASSERT_EQ(found.code, 0) << found.out;
+  EXPECT_NEAR(nlohmann::json::parse(found.out)["parameters"][1]["value"].get<double>(), 1.24, 1e-6);
+}
+
 TEST_F(IdentifyProgramTest, TooFewEventsAndBadUsage) {
   const std::string beam = scene_file("paper_beam");
   const std::string events = events_of(read_text(beam), 60.0);

@@ -141,10 +141,8 @@ bool Unknown::is_within(double of_value, double tolerance) const {
   }
   const double at = coordinate(of_value);
   if (nominal == 0.0) return at <= highest() + tolerance;
-  // Admits a relative error with respect to either the true or the nominal value.
-  const double factor = std::max(1.0 + within, 1.0 / (1.0 - std::min(within, 0.9)));
-  const double low = logarithmic ? -std::log(factor) : -within;
-  const double high = logarithmic ? std::log(factor) : factor - 1.0;
+  const double low = logarithmic ? std::log1p(-std::min(within, 0.9)) : -within;
+  const double high = logarithmic ? std::log1p(within) : within;
   return at >= low - tolerance && at <= high + tolerance;
 }
 

@@ -46,7 +46,7 @@ struct Unknown {
   std::string key = {};  ///< as in the scene file
   std::string unit = {};
   double nominal = 0.0;
-  double within = 0.2;       ///< largest relative error
+  double within = 0.2;       ///< largest change from the nominal value, relative to it
   bool logarithmic = false;  ///< the coordinate is log(value / nominal)
   double unit_step = 1.0;    ///< else: the change of the value per unit of the coordinate
 
@@ -63,7 +63,8 @@ struct Unknown {
   double highest() const;
   /// Whether a value is at its physical limit: a damping or restitution of 0, or `upper_limit`.
   bool is_physical_bound(double value) const;
-  /// Whether the relative error of a value is at most `within`, up to a tolerance in coordinates.
+  /// Whether the relative change from the nominal value is at most `within`, up to a tolerance in
+  /// coordinates.
   /// Phases, clearances, clock offsets and delays are not limited.
   bool is_within(double value, double tolerance) const;
 
