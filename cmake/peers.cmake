@@ -45,7 +45,9 @@ if(SUNDIALS_INCLUDE_DIR AND SUNDIALS_CVODE_LIBRARY AND SUNDIALS_NVECSERIAL_LIBRA
   # Version 7 has an additional library. If it was built with MPI, as in Debian, it includes MPI's header.
   if(SUNDIALS_CORE_LIBRARY)
     target_link_libraries(sprag_cvode INTERFACE ${SUNDIALS_CORE_LIBRARY})
-    if(SPRAG_HAS_MPI)
+    find_path(MPI_INCLUDE_DIR mpi.h PATH_SUFFIXES mpi)
+    find_library(MPI_LIBRARY mpi)
+    if(MPI_INCLUDE_DIR AND MPI_LIBRARY)
       target_include_directories(sprag_cvode SYSTEM INTERFACE ${MPI_INCLUDE_DIR})
       target_link_libraries(sprag_cvode INTERFACE ${MPI_LIBRARY})
     endif()

@@ -195,7 +195,7 @@ def python_page() -> str:
     package = ROOT / "python" / "sprag"
     docs = binding_docs()
     trees = {name: ast.parse((package / name).read_text(encoding="utf-8"))
-             for name in ("__init__.py", "_core.pyi", "_errors.py", "_events.py", "_studies.py",
+             for name in ("__init__.py", "_core.pyi", "_errors.py", "_events.py", "_studies.py", "study.py",
                           "_tolerance.py")}
     public = next(ast.literal_eval(node.value) for node in trees["__init__.py"].body
                   if isinstance(node, ast.Assign) and node.targets[0].id == "__all__")

@@ -64,9 +64,10 @@ if importlib.util.find_spec(f"{__name__}._core"):
         write_scene,
     )
     from ._events import ContactEventKind, pulses
-    from ._studies import Study, read_study, run_study
+    from ._studies import Study, read_study
     from ._tolerance import Tolerances, tolerance
     from .importing import import_events
+    from .study import run_study
 else:
     # Pictures, reports and the import of events need no compiled part.
     def __getattr__(name: str) -> object:

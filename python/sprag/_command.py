@@ -127,6 +127,14 @@ def count(text: str) -> int:
     return int(text)
 
 
+def jobs(text: str) -> int:
+    """A number of threads, for the ``type`` of an option."""
+    if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= 1024:
+        message = f"{text} is not allowed; must be a whole number from 1 to 1024"
+        raise argparse.ArgumentTypeError(message)
+    return int(text)
+
+
 def names(text: str) -> list[str]:
     """Names separated by commas, for the ``type`` of an option."""
     return [name for name in (part.strip() for part in text.split(",")) if name]

@@ -1,4 +1,5 @@
 from os import PathLike
+from pathlib import Path
 from typing import Any, Literal, Mapping, Sequence
 
 import numpy as np
@@ -741,9 +742,20 @@ def _write_contact_log(
     end: float,
     key: str | PathLike[str] | None,
 ) -> int: ...
-def _run_study(
-    study: str | PathLike[str], jobs: int | None
-) -> tuple[dict[str, Any], dict[str, Any]]: ...
+
+class _StudyRuns(metaclass=_Class):
+    def __init__(self, file: str | PathLike[str]) -> None: ...
+    @property
+    def manifest(self) -> dict[str, Any]: ...
+    @property
+    def remarks(self) -> list[str]: ...
+    @property
+    def inputs(self) -> list[Path]: ...
+    @property
+    def rows_of_run(self) -> int: ...
+    def rows(self, first: int, end: int) -> tuple[str, int, int]: ...
+    def stop(self) -> None: ...
+
 def _tolerance(
     scene: Scene,
     target: float | None,

@@ -7,12 +7,13 @@ import itertools
 import json
 import os
 import pathlib
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._core import _run_study
+from ._command import require
 from ._errors import InputError
 
 
@@ -74,11 +75,52 @@ class Study:
         order = np.argsort(cell, kind="stable")
         return self[name][order].reshape(*values, runs)
 
+    def table(self) -> Any:
+        """The rows as a pandas.DataFrame."""
+        pandas = require("pandas", "python3-pandas", "Study.table()")
+        return pandas.DataFrame(self._columns)
+
+    def dataset(self) -> Any:
+        """The rows as an xarray.Dataset.
+
+        Its dimensions are the varied axes, named by the first of those that vary together, `run`
+        and, with poincare, `n`. Coordinates are the axes' values: of a relative axis the deviation
+        that the study file gives. Randomly drawn axes are variables like the recorded quantities.
+        Rows that are missing, as in a part of a study, are nan.
+        """
+        xarray = require("xarray", "python3-xarray", "Study.dataset()")
+        grid = [axis for axis in self.manifest["axes"] if "values" in axis]
+        names: dict[int, str] = {}
+        for axis in grid:
+            names.setdefault(axis["group"], axis["path"])
+        coordinates = {axis["path"]: (names[axis["group"]], axis["values"]) for axis in grid}
+        dimensions = [names[group] for group in sorted(names)] + ["run"]
+        sizes = self.manifest["group_size"]
+        shape = [*(sizes[group] for group in sorted(names)), self.manifest["runs"]]
+        coordinates["run"] = ("run", np.arange(shape[-1]))
+        place = self["index"]
+        if "n" in self._columns:
+            last = int(self["n"].max(initial=1))
+            dimensions.append("n")
+            shape.append(last)
+            coordinates["n"] = ("n", np.arange(1, last + 1))
+            place = place * last + np.maximum(self["n"], 1) - 1
+        variables = {}
+        for name, column in self._columns.items():
+            if name in _WHOLE or name in coordinates:
+                continue
+            cells: npt.NDArray[Any] = np.full(
+                int(np.prod(shape)), "" if column.dtype.kind == "U" else np.nan, column.dtype
+            )
+            cells[place] = column
+            variables[name] = (dimensions, cells.reshape(shape))
+        return xarray.Dataset(variables, coordinates)
+
 
 _WHOLE = {"index", "point", "run", "n"}
 
 
-def _column(name: str, fields: list[str], file: pathlib.Path) -> npt.NDArray[Any]:
+def _column(name: str, fields: list[str], file: str) -> npt.NDArray[Any]:
     if name == "failure":
         return np.array(fields, dtype=str)
     try:
@@ -87,6 +129,33 @@ def _column(name: str, fields: list[str], file: pathlib.Path) -> npt.NDArray[Any
         return np.array(fields, dtype=np.float64)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{file}: column {name}: {error}") from None
+
+
+def _columns(stream: Iterable[str], file: str) -> dict[str, npt.NDArray[Any]]:
+    rows = csv.reader(stream, quoting=csv.QUOTE_NONE)
+    names: list[str] = next(rows, [])
+    if names[:3] != ["index", "point", "run"]:
+        raise InputError(f"{file}:1: the header does not begin with index,point,run")
+    parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in names}
+    number = 2
+    # Text takes far more memory than numbers, so the file is converted in blocks of rows.
+    while True:
+        block = list(itertools.islice(rows, 65536))
+        for line, row in enumerate(block, start=number):
+            if len(row) != len(names):
+                raise InputError(f"{file}:{line}: {len(row)} fields; the header has {len(names)}")
+        number += len(block)
+        for i, name in enumerate(names):
+            parts[name].append(_column(name, [row[i] for row in block], file))
+        if not block:
+            break
+    return {name: np.concatenate(of) for name, of in parts.items()}
+
+
+def study_from_rows(rows: Iterable[str], manifest: dict[str, Any]) -> Study:
+    """The study of lines of a file of rows."""
+    axes = [str(axis["path"]) for axis in manifest["axes"]]
+    return Study(_columns(rows, "rows"), axes, manifest)
 
 
 def read_study(path: str | os.PathLike[str]) -> Study:
@@ -101,28 +170,9 @@ def read_study(path: str | os.PathLike[str]) -> Study:
         file = file / "rows.csv"
     try:
         with open(file, newline="", encoding="utf-8") as stream:
-            rows = csv.reader(stream, quoting=csv.QUOTE_NONE)
-            names: list[str] = next(rows, [])
-            if names[:3] != ["index", "point", "run"]:
-                raise InputError(f"{file}:1: the header does not begin with index,point,run")
-            parts: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in names}
-            number = 2
-            # Text takes far more memory than numbers, so the file is converted in blocks of rows.
-            while True:
-                block = list(itertools.islice(rows, 65536))
-                for line, row in enumerate(block, start=number):
-                    if len(row) != len(names):
-                        raise InputError(
-                            f"{file}:{line}: {len(row)} fields; the header has {len(names)}"
-                        )
-                number += len(block)
-                for i, name in enumerate(names):
-                    parts[name].append(_column(name, [row[i] for row in block], file))
-                if not block:
-                    break
+            columns = _columns(stream, str(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file}: {error}") from None
-    columns = {name: np.concatenate(of) for name, of in parts.items()}
     rows_file = file.stem.startswith("rows")
     beside = file.with_name("manifest.json") if rows_file else file.with_suffix(".json")
     manifest: dict[str, Any] = {}
@@ -134,16 +184,3 @@ def read_study(path: str | os.PathLike[str]) -> Study:
             raise InputError(f"{beside}: no manifest of a study: {error}") from None
         return Study(columns, axes, manifest)
     return Study(columns, [], manifest)
-
-
-def run_study(study: str | os.PathLike[str], *, jobs: int | None = None) -> Study:
-    """Runs the study of a study file, or one that comes with Sprag by its name, in memory.
-
-    The rows are those that `sprag study` writes. That program is for a study that should continue
-    after an interruption, or that runs on several hosts. jobs: number of threads, None: one for each
-    core. Raises SceneError or InputError for a wrong study file or scene; a run that fails has its
-    reason in the column failure.
-    """
-    columns, manifest = _run_study(study, jobs)
-    columns["failure"] = np.array(columns["failure"], dtype=str)
-    return Study(columns, [str(axis["path"]) for axis in manifest["axes"]], manifest)

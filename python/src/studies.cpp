@@ -4,11 +4,14 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <optional>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <thread>
 #include <vector>
@@ -17,7 +20,7 @@
 #include "python/src/long_call.h"
 #include "python/src/settings.h"
 #include "sprag/detail/files/shipped_scenes.h"
-#include "sprag/detail/study/design.h"
+#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/study/quantities.h"
 #include "sprag/detail/study/study_file.h"
 #include "sprag/detail/tolerance/deviations.h"
@@ -34,41 +37,63 @@ int threads_of(std::optional<int> jobs) {
 
 // ---- studies
 
-template <typename Value>
-py::array column_of(const std::vector<study::Row>& rows, const Value& value) {
-  using Number = decltype(value(rows.front()));
-  py::array_t<Number> column(static_cast<py::ssize_t>(rows.size()));
-  Number* data = column.mutable_data();
-  for (const study::Row& row : rows) *data++ = value(row);
-  return read_only(column);
+#if defined(__clang__)
+constexpr const char* compiler = "clang " __clang_version__;
+#else
+constexpr const char* compiler = "g++ " __VERSION__;
+#endif
+
+std::string hex(std::uint64_t number) {
+  std::array<char, 20> text{};
+  std::snprintf(text.data(), text.size(), "%016llx", static_cast<unsigned long long>(number));
+  return text.data();
 }
 
-// The arrays of all columns but `failure`, which is a list of texts, by their names in a rows file.
-py::dict columns_of(const study::Study& study, const std::vector<study::Row>& rows) {
-  const std::vector<std::string> names = study::columns(study);
-  py::dict columns;
-  std::size_t next = 0;
-  const auto add = [&](const auto& value) {
-    columns[names[next++].c_str()] = column_of(rows, value);
-  };
-  add([](const study::Row& row) { return row.index; });
-  add([&](const study::Row& row) { return study::point_of(study, row.index); });
-  add([&](const study::Row& row) { return study::run_of(study, row.index); });
-  for (std::size_t i = 0; i < study.axes.size(); ++i) {
-    add([i](const study::Row& row) { return row.axes[i]; });
+// A study that computes its rows. Several threads may call rows() at once.
+class StudyRuns {
+ public:
+  explicit StudyRuns(const std::filesystem::path& file) {
+    const py::module_ core = py::module_::import("sprag._core");
+    const auto scenes = shipped_scenes(core.attr("__file__").cast<std::string>());
+    study_ =
+        study::read_study(find_scene(file, scenes.empty() ? scenes : scenes / "studies"), scenes);
   }
-  if (study.record.poincare) add([](const study::Row& row) { return row.n; });
-  const std::size_t first = next;
-  while (next + 1 < names.size()) {
-    const std::size_t i = next - first;
-    add([i](const study::Row& row) { return row.recorded[i]; });
-  }
-  py::list failures;
-  for (const study::Row& row : rows) failures.append(row.failure);
-  columns[names[next].c_str()] = failures;
-  return columns;
-}
 
+  const study::Study& study() const { return study_; }
+
+  // Lines of a CSV file of the runs first, ..., end - 1, the number of these runs, and how many of
+  // them failed. There are fewer runs only after stop().
+  py::tuple rows(std::int64_t first, std::int64_t end) const {
+    if (first < 0 || end < first || end > study_.indices()) {
+      throw std::invalid_argument("the study has no such runs");
+    }
+    std::string text;
+    study::Computed all;
+    {
+      const StopScope scope(stop_.get_token());
+      const py::gil_scoped_release released;
+      study::Measurement measurement(study_);
+      try {
+        while (first < end && !interrupted()) {
+          const study::Computed computed = measurement.append_rows({first, end}, text);
+          first += computed.runs;
+          all.runs += computed.runs;
+          all.failures += computed.failures;
+        }
+      } catch (const Interrupted&) {  // the text ends with the last complete run
+      }
+    }
+    return py::make_tuple(text, all.runs, all.failures);
+  }
+
+  void stop() { stop_.request_stop(); }
+
+ private:
+  study::Study study_;
+  std::stop_source stop_;
+};
+
+// What the manifest says of the study.
 py::dict manifest_of(const study::Study& study) {
   py::list axes;
   for (const study::Axis& axis : study.axes) {
@@ -92,6 +117,8 @@ py::dict manifest_of(const study::Study& study) {
   };
   py::dict manifest;
   manifest["name"] = study.name;
+  manifest["compiler"] = compiler;
+  manifest["hash"] = hex(study.hash);
   manifest["study"] = text_of(study.file, study.text);
   manifest["scene"] = text_of(study.scene_file.string(), study.scene_text);
   manifest["points"] = study.points;
@@ -100,20 +127,6 @@ py::dict manifest_of(const study::Study& study) {
   manifest["axes"] = axes;
   manifest["group_size"] = study.group_size;
   return manifest;
-}
-
-py::tuple run_study(const std::filesystem::path& file, std::optional<int> jobs) {
-  const py::module_ core = py::module_::import("sprag._core");
-  const auto scenes = shipped_scenes(core.attr("__file__").cast<std::string>());
-  const std::filesystem::path found =
-      find_scene(file, scenes.empty() ? scenes : scenes / "studies");
-  const study::Study study = study::read_study(found, scenes);
-  for (const std::string& remark : study.scene.remarks) {
-    if (PyErr_WarnEx(PyExc_RuntimeWarning, remark.c_str(), 1) != 0) throw py::error_already_set();
-  }
-  const int threads = threads_of(jobs);
-  const std::vector<study::Row> rows = long_call([&] { return study::all_rows(study, threads); });
-  return py::make_tuple(columns_of(study, rows), manifest_of(study));
 }
 
 // ---- tolerances
@@ -203,7 +216,24 @@ py::dict tables_of(const FoundTolerances& all) {
 }  // namespace
 
 void bind_studies(py::module_& module) {
-  module.def("_run_study", &run_study, py::arg("study"), py::arg("jobs"), "See run_study().");
+  py::class_<StudyRuns>(module, "_StudyRuns", "A study, and the computation of its rows.")
+      .def(py::init<const std::filesystem::path&>(), py::arg("file"))
+      .def_property_readonly(
+          "manifest", [](const StudyRuns& runs) { return manifest_of(runs.study()); },
+          "What the manifest says of the study.")
+      .def_property_readonly(
+          "remarks", [](const StudyRuns& runs) { return runs.study().scene.remarks; },
+          "Remarks about the scene.")
+      .def_property_readonly(
+          "inputs", [](const StudyRuns& runs) { return runs.study().inputs; },
+          "The scene, and the files that it names.")
+      .def_property_readonly(
+          "rows_of_run", [](const StudyRuns& runs) { return study::rows_of_run(runs.study()); },
+          "Rows of a run that does not fail.")
+      .def("rows", &StudyRuns::rows, py::arg("first"), py::arg("end"),
+           "Lines of the runs first, ..., end - 1, the number of these runs, and of those that "
+           "failed.")
+      .def("stop", &StudyRuns::stop, "Ends all calls of rows() after the runs that they complete.");
   module.def(
       "_tolerance",
       [](const Scene& scene, std::optional<double> target, std::optional<double> duration,

@@ -499,21 +499,6 @@ class StudiesTest(unittest.TestCase):
             with self.assertRaises(sprag.SceneError):
                 sprag.run_study(file)
 
-    @unittest.skipUnless((BUILD / "tools/study").exists(), "the program study is not built")
-    def test_a_study_has_the_rows_of_the_program(self):
-        with tempfile.TemporaryDirectory() as folder:
-            sprag.write_scene(Path(folder) / "rig.toml", rig())
-            file = Path(folder) / "study.toml"
-            file.write_text(STUDY)
-            rows = Path(folder) / "rows"
-            command = [BUILD / "tools/study", file, "--output", rows, "--jobs", "1"]
-            subprocess.run(command, check=True, stderr=subprocess.DEVNULL)
-            expected, study = sprag.read_study(rows), sprag.run_study(file)
-            self.assertEqual(study.names, expected.names)
-            for name in study.names:
-                self.assertEqual(study[name].dtype, expected[name].dtype)
-                np.testing.assert_array_equal(study[name], expected[name])
-
     def test_points_of_a_section(self):
         with tempfile.TemporaryDirectory() as folder:
             sprag.write_scene(Path(folder) / "rig.toml", rig())

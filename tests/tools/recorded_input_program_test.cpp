@@ -115,42 +115,6 @@ TEST_F(RecordedInputPrograms, DiagnoseAcceptsARecord) {
   EXPECT_EQ(ended.out.find("clock rate"), std::string::npos) << ended.out;
 }
 
-// The record of the observer alone varies, and it is the better the nearer it is to the machine's.
-TEST_F(RecordedInputPrograms, AStudyVariesTheRecordOfTheObserver) {
-  const std::string scene = copy("outside = \"hold\"");
-  const auto study = [&](const std::string& duration) {
-    return write_text(path("study.toml"), "scene = \"" + scene + "\"\nduration = " + duration +
-                                              "\nsamples = 200\nestimators = [\"both\"]\n" +
-                                              "record = [\"V_floor\", \"nees\"]\n[vary]\n" +
-                                              "observer.excitation.gain = [0.9, 1.0]\n" +
-                                              "events.jitter = [1e-6]\n");
-  };
-  const Ended ended = run(STUDY, {study("5.0"), "--output", path("rows"), "--jobs", "1"});
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  std::istringstream rows(read_text(path("rows") + "/rows.csv"));
-  std::string line;
-  std::getline(rows, line);
-  std::vector<std::string> names;
-  std::istringstream header(line);
-  for (std::string name; std::getline(header, name, ',');) names.push_back(name);
-  const auto at = std::find(names.begin(), names.end(), "both.V_floor") - names.begin();
-  std::vector<double> floors;
-  while (std::getline(rows, line)) {
-    std::istringstream cells(line);
-    std::string cell;
-    for (std::ptrdiff_t i = 0; i <= at; ++i) std::getline(cells, cell, ',');
-    floors.push_back(std::stod(cell));
-  }
-  ASSERT_EQ(floors.size(), 2U);
-  EXPECT_GT(floors[0], 1e3 * floors[1]);
-  // A scene without values outside its record is not run after it.
-  std::string text = read_text(scene);
-  text.erase(text.find("outside"), std::string("outside = \"hold\"").size());
-  write_text(scene, text);
-  expect_refused(STUDY, {study("7.0"), "--output", path("more")},
-                 "the recorded input ends at t = 6");
-}
-
 TEST_F(RecordedInputPrograms, ToleranceStatesWhatGainAndDelayMayBeOff) {
   const Ended ended = run(TOLERANCE, {scene_, "--runs", "1", "--duration", "3", "--estimator",
                                       "replica", "--jobs", "1", "--json"});

@@ -1,4 +1,4 @@
-// Parts of a study: its file, the run of an index, random draws, figures of a run, files of rows.
+// Parts of a study: its file, the run of an index, random draws, figures of a run.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,7 +6,6 @@
 #include <numeric>
 #include <set>
 
-#include "command_line/program.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/study/design.h"
 #include "sprag/detail/study/quantities.h"
@@ -17,7 +16,6 @@
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"
 #include "tests/support/temporary_directory.h"
-#include "tools/study/row_file.h"
 
 namespace sprag::study {
 namespace {
@@ -516,63 +514,6 @@ replica = 0.1
   const double whole = figures(plain, {1e-4}).V_floor;
   EXPECT_NEAR(figures(modal, {1e-4, 2.0}).V_floor, whole, 0.5 * whole);
   EXPECT_GT(figures(modal, {1e-4, 1.0}).V_floor, 100.0 * whole);
-}
-
-TEST(StudyRanges, MissingRanges) {
-  EXPECT_EQ(missing_ranges({0, 10}, {}), (std::vector<Range>{{0, 10}}));
-  EXPECT_EQ(missing_ranges({0, 10}, {{7, 9}, {0, 2}, {2, 4}}),
-            (std::vector<Range>{{4, 7}, {9, 10}}));
-  EXPECT_EQ(missing_ranges({3, 5}, {{3, 5}}), std::vector<Range>{});
-}
-
-class RowFileTest : public testing::Test {
- protected:
-  Contents read(const std::string& text) {
-    write_text(file(), text);
-    return read_rows(file(), layout_, {0, 100});
-  }
-  std::filesystem::path file() const { return directory_ / "rows.csv"; }
-
-  Layout layout_{.header = "index,n,x,failure", .fields = 4, .n_field = 1, .n_last = 2};
-  test::TemporaryDirectory directory_;
-};
-
-TEST_F(RowFileTest, IsTruncatedAfterLastCompleteRun) {
-  const std::string header = layout_.header + "\n";
-  const std::string whole = header + "4,1,0.5,\n4,2,0.5,\n5,0,nan,too fast\n2,1,0,\n2,2,0,\n";
-  for (const std::string cut : {"", "3,1,0.25,\n", "3,1,0.25,\n3,2,0.", "3", "3,1,0.25,\n3,2,0.5,",
-                                "3,1,0.2500000000000000000000000,\n3,2"}) {
-    const Contents contents = read(whole + cut);
-    EXPECT_EQ(contents.end, whole.size()) << cut;
-    EXPECT_EQ(contents.failures, 1);
-    EXPECT_EQ(contents.ranges(), (std::vector<Range>{{4, 6}, {2, 3}})) << cut;
-    RowFile rows(file());
-    rows.go_on(contents, layout_);
-    rows.append({{3, 4}, "3,1,1,\n3,2,1,\n", 0, 0.0});
-    rows.close();
-    merge_rows({{file(), read_rows(file(), layout_, {0, 100}), true}}, layout_,
-               directory_ / "merged.csv");
-    EXPECT_EQ(read_text(directory_ / "merged.csv"),
-              header + "2,1,0,\n2,2,0,\n3,1,1,\n3,2,1,\n4,1,0.5,\n4,2,0.5,\n5,0,nan,too fast\n");
-  }
-  EXPECT_EQ(read(header.substr(0, 5)).end, 0U);
-  EXPECT_EQ(read("").end, 0U);
-}
-
-TEST_F(RowFileTest, OfAnotherStudyIsRefused) {
-  const std::string header = layout_.header + "\n";
-  for (const std::string& text : std::vector<std::string>{
-           "index,n,y,failure\n", header + "1,1,0,\n1,2,0,\n1,1,0,\n1,2,0,\n",
-           header + "100,1,0,\n", header + "1,2,0,\n", header + "1,1,0,\n2,1,0,\n",
-           header + "1,1,0\n", header + "one,1,0,\n", header + "1,0,0,\n",
-           header + "1,1,0,\r\n1,2,0,\r\n"}) {
-    EXPECT_THROW(read(text), InputError) << text;
-  }
-}
-
-TEST_F(RowFileTest, BelongsToOneProcess) {
-  const RowFile rows(file());
-  EXPECT_THROW(RowFile other(file()), UsageError);
 }
 
 }  // namespace
