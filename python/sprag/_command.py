@@ -191,7 +191,7 @@ def _shipped(given: str, folder: Path | None, error: type[Error]) -> Read:
         return Read(given)
     if folder is None:
         raise error(f"{given}: cannot be read: no such file")
-    if re.fullmatch(r"[\w-]+", given) and (folder / f"{given}.toml").is_file():
+    if re.fullmatch(r"[\w-]+", given) and os.path.isfile(folder / f"{given}.toml"):
         return Read(folder / f"{given}.toml")
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
     problem = f"{given}: cannot be read: no such file, and none of this name in {folder}"

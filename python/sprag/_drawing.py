@@ -5,6 +5,7 @@ Nothing here uses pyplot: a figure belongs to its caller alone.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -60,13 +61,15 @@ STYLE = {
     "pdf.fonttype": 42,
 }
 MOST_CHARACTERS = 200
+PREFIXED_UNITS = ("m", "m/s", "m/s²", "s", "rad", "rad/s", "N", "J", "W", "V", "A")
 
 
 @contextmanager
 def style() -> Iterator[None]:
     """The look of all pictures, without the settings of the user."""
-    purpose, package = "drawing", "python3-matplotlib"
-    with require("matplotlib.style", package, purpose).context(["default", STYLE]):
+    module = require("matplotlib.style", "python3-matplotlib", "drawing")
+    with module.context(["default", STYLE]), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # shown as a box
         yield
 
 
@@ -101,9 +104,9 @@ def shorten(text: Text, width: float) -> None:
 def readable_unit(largest: float, unit: str) -> tuple[float, str]:
     """Factor and unit for values up to `largest`, with a prefix below a tenth of the larger unit.
 
-    A product of units such as ``N s`` gets no prefix, which would not be read.
+    Other units, such as ``N s`` or ``mm``, stay as they are: a prefix would not be read.
     """
-    if not unit or " " in unit:
+    if unit not in PREFIXED_UNITS:
         return 1.0, unit
     for factor, prefix in [(1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n")]:
         if not 0.0 < largest < np.inf or factor * largest >= 0.1:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -667,8 +666,7 @@ def save(figure: Figure, file: str) -> None:
     """Writes a picture; an existing one stays as it is if that fails."""
     kind = Path(file).suffix[1:]
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with _command.written(file) as temporary, style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # shown as a box
+    with _command.written(file) as temporary, style():
         figure.savefig(temporary, format=kind, dpi="figure", metadata=metadata)
 
 
