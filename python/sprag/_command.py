@@ -195,9 +195,8 @@ def _shipped(given: str, folder: Path | None, error: type[Error]) -> Read:
         return Read(folder / f"{given}.toml")
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
     problem = f"{given}: cannot be read: no such file, and none of this name in {folder}"
-    near = difflib.get_close_matches(given.removesuffix(".toml"), shipped)
-    if near:
-        raise error(f"{problem}; did you mean {' or '.join(near)}?")
+    if near := difflib.get_close_matches(given.removesuffix(".toml"), shipped, n=1):
+        raise error(f"{problem}; did you mean {near[0]}?")
     raise error(choose(problem, shipped))
 
 
