@@ -1,0 +1,473 @@
+"""Sections and verdicts of runs: measurement, motion, residuals, impacts, bound, provenance."""
+
+from __future__ import annotations
+
+import math
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .analysis import FEWEST_RESIDUALS, Events, check_predictions, consistency, innovations
+from .content import (
+    MOST_ROWS,
+    Block,
+    Grid,
+    Section,
+    Verdict,
+    count,
+    quantity,
+    rounded,
+    scale,
+)
+from .inputs import at, count_at, list_at, number_at, text_at
+from .pictures import MotionPictures, residual_picture
+
+if TYPE_CHECKING:
+    from ..tables import Table
+    from .inputs import Inputs, ObserverRun
+
+Span = tuple[float, float]
+
+
+def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
+    """Whether the filter fits the events, and what is known of the state at the end."""
+    failures = number_at(run.report, "confidence", "inconsistencies")
+    if failures is None and run.states is not None:
+        failures = _last(run.states, "inconsistencies")
+    events = inputs.measured()
+    closings = "" if events is None else count(events.closings, "closing")
+    about, second = f"Observer, run {run.label}", _end(run)
+    if failures is None:
+        first = (
+            "Whether the events fit the filter is not determined: the run has no filter, or its "
+            "report is not among the files."
+        )
+        return Verdict(about, first, second)
+    if failures <= 0.0:
+        none = f"None of the {closings}" if closings else "No event"
+        return Verdict(about, f"{none} contradicts the filter's estimate.", second, "good")
+    first = f"The filter's gate failed {count(int(failures), 'time')}"
+    first += f" in {closings}" if closings else ""
+    where = at(run.report, "confidence", "first_inconsistencies", 0)
+    if where is not None:
+        first += (
+            f", first at t = {rounded(number_at(where, 't'), 6)} s, contact "
+            f"{count_at(where, 'contact')} (suspected: {text_at(where, 'suspicion')})"
+        )
+    return Verdict(about, f"{first}.", second, "bad")
+
+
+def _last(table: Table, name: str) -> float | None:
+    """Last value of a column; None if there is none, or if it is nan."""
+    if name not in table.data or not len(table.data):
+        return None
+    value = float(table.column(name)[-1])
+    return None if math.isnan(value) else value
+
+
+def _bound(run: ObserverRun) -> str:
+    bound = _last(run.states, "B") if run.states is not None else None
+    if bound is None:
+        bound = number_at(run.report, "confidence", "bound", "final")
+    if bound is None or not math.isfinite(bound):
+        return "no bound on the error energy is given"
+    return (
+        f"the error energy of the replica is at most B = {rounded(bound, 3)} J, if the scene "
+        "and its tolerances are right"
+    )
+
+
+def _end(run: ObserverRun) -> str:
+    """What is known at the end."""
+    states = run.states
+    if states is None or not len(states.data):
+        settled = rounded(number_at(run.report, "settled_tick"), 9)
+        return f"At the last settled tick, {settled}, {_bound(run)}."
+    at_end = f"At the end, t = {rounded(_last(states, 't'), 6)} s, "
+    if "from_filter" in states.data and not (_last(states, "from_filter") or 0.0) > 0.5:
+        return (
+            f"{at_end}the estimate is the replica's, for which no standard deviation is claimed; "
+            f"{_bound(run)}."
+        )
+    gaps = [name for name in states.data if name[:7] == "sigma_g" and name[7:].isdigit()]
+    sigmas = [sigma for name in gaps if (sigma := _last(states, name)) is not None]
+    if not sigmas:
+        return f"{at_end}{_bound(run)}."
+    if not math.isfinite(max(sigmas)):
+        return f"{at_end}no standard deviation is claimed."
+    gap = "gaps at most" if len(gaps) > 1 else "gap"
+    return (
+        f"{at_end}the filter gives a standard deviation of {quantity(max(sigmas), 'm', 2)} for the "
+        f"{gap}, and {_bound(run)}."
+    )
+
+
+def measurement_section(inputs: Inputs) -> Section:
+    """Numbers and times of the measured events, and what the observer received."""
+    section = Section("What was measured")
+    events = inputs.measured()
+    if events is None:
+        section.blocks.append(
+            "The files contain no events: neither an events CSV nor an impacts CSV."
+        )
+    else:
+        section.blocks.append(_extent(events, inputs))
+        contacts = int(events.contact.max(initial=0)) if inputs.scene is None else inputs.scene.m
+        section.blocks.append(_counts(events, contacts))
+    for run in inputs.runs():
+        reception = _reception(run)
+        if reception.rows:
+            section.blocks.append(reception)
+    return section
+
+
+def _extent(events: Events, inputs: Inputs) -> str:
+    text = (
+        "The times at which contacts close and open; nothing else. The recording has "
+        f"{count(len(events), 'event')}"
+    )
+    if len(events):
+        text += f" from t = {rounded(events.t[0], 6)} s to {rounded(events.t[-1], 6)} s"
+    text += "."
+    tables = inputs.of_kind("events")
+    if tables and tables[0].spurious:
+        text += f" {count(tables[0].spurious, 'row')} marked as spurious are not counted."
+    if events.inserted:
+        text += (
+            f" {count(events.inserted, 'row')} that identify inserted for lost events are not "
+            "counted."
+        )
+    inferred = sum(int(count_at(run.report, "made_up_events") or 0) for run in inputs.runs())
+    if inferred and not tables:
+        text += (
+            f" The observer inferred {inferred} of them after a gap; they were not measured, and "
+            "the impacts CSV does not mark them."
+        )
+    return text
+
+
+def _counts(events: Events, contacts: int) -> Grid:
+    head = ["contact", "impacts", "sustained contacts", "time closed [s]", "first [s]", "last [s]"]
+    grid = Grid("Contact events", head)
+    for contact in range(1, max(contacts, int(events.contact.max(initial=0))) + 1):
+        own = events.contact == contact
+        t, kind = events.t[own], events.kind[own]
+        closed, since = 0.0, math.nan
+        for time, what in zip(t, kind):
+            if what == "closes":
+                since = time
+            elif what == "opens":
+                closed += 0.0 if math.isnan(since) else time - since
+                since = math.nan
+        impacts, closings = (np.count_nonzero(kind == what) for what in ("impact", "closes"))
+        ends = [rounded(t[0], 6), rounded(t[-1], 6)] if len(t) else ["", ""]
+        grid.rows.append([str(contact), str(impacts), str(closings), rounded(closed), *ends])
+    return grid
+
+
+def _reception(run: ObserverRun) -> Grid:
+    """What the observer's report says about the events."""
+    grid = Grid(f"Events of the run {run.label}, by its report", ["quantity", "value"])
+    report = run.report
+    if report is None:
+        return grid
+    skipped = at(report, "skipped")
+    causes = ""
+    if isinstance(skipped, dict):
+        numbers = {cause: count_at(skipped, cause) for cause in skipped}
+        causes = ", ".join(f"{n} {cause}" for cause, n in numbers.items() if n not in ("", "0"))
+        causes = causes or "0"
+    free = number_at(report, "runs_free_from")
+    for name, value in [
+        ("events taken", count_at(report, "events")),
+        ("events inferred after a gap, not measured", count_at(report, "made_up_events")),
+        ("records lost", count_at(report, "lost_records")),
+        ("events skipped", causes),
+        ("intervals in which events may be missing", str(len(list_at(report, "degraded")))),
+        (
+            "no event after, so that the estimate runs free from there",
+            "" if free is None else f"{rounded(free, 8)} s",
+        ),
+        ("messages received", count_at(report, "messages", "received")),
+        ("messages lost", count_at(report, "messages", "lost")),
+    ]:
+        if value:
+            grid.rows.append([name, value])
+    return grid
+
+
+def motion_section(inputs: Inputs, span: Span) -> Section | None:
+    """Gaps, outputs and contacts over time."""
+    if not inputs.of_kind("states"):
+        return None
+    return Section("Motion", [*MotionPictures(inputs, span).of_motion()])
+
+
+def residuals_section(inputs: Inputs) -> Section | None:
+    """Innovations and predictions."""
+    section = Section("Predicted and measured events")
+    for run in inputs.runs():
+        if run.states is not None:
+            section.blocks += _innovations(run.states, inputs.jitter)
+    section.blocks += _predictions(inputs)
+    return section if section.blocks else None
+
+
+def _innovations(states: Table, jitter: float) -> list[Block]:
+    unit = innovations(states).normalized()
+    if len(unit) == 0:
+        return []
+    picture = residual_picture(
+        unit,
+        "Innovation / sigma",
+        "",
+        f"Innovations of {states.label}: the gap that the filter predicts at each closing, divided "
+        "by its standard deviation. The states have one closing for each tick.",
+    )
+    test = consistency(unit)
+    if math.isnan(jitter):
+        text = "Whether sigma is right is not tested, because the jitter of the scene is not known."
+    elif not jitter > 0.0:
+        text = (
+            "The scene has no jitter: event times count as exact, and innovations after the first "
+            "impacts are rounding errors. Whether sigma is right is not tested."
+        )
+    elif test is None:
+        text = (
+            f"Whether sigma is right is not determined: that takes {FEWEST_RESIDUALS} innovations "
+            "or more."
+        )
+    else:
+        certain = "less" if test.mean_square > test.high else "more"
+        passes = "Sigma passes this test."
+        fails = f"Sigma fails this test: the estimate is {certain} certain than it claims."
+        text = (
+            f"{rounded(100.0 * test.within_two, 3)} % of the {test.n} innovations are within 2 "
+            f"sigma. Their mean square is {rounded(test.mean_square, 3)}; if sigma is right it "
+            f"lies between {rounded(test.low, 3)} and {rounded(test.high, 3)} in 95 % of all runs. "
+            f"{passes if test.holds else fails}"
+        )
+    return [picture, text]
+
+
+def _predictions(inputs: Inputs) -> list[Block]:
+    tables = inputs.of_kind("predictions")
+    events = inputs.measured_in_machine_time()
+    if tables and events is None:
+        return ["Predictions are given without measured events: an events CSV or an impacts CSV."]
+    blocks: list[Block] = []
+    for table in tables:
+        assert events is not None
+        jitter = 0.0 if math.isnan(inputs.jitter) else inputs.jitter
+        check = check_predictions(table, events, jitter)
+        made = check.claimed + check.none + check.open_end
+        text = (
+            f"Of {count(made, 'prediction')} {check.none} claim no event. Of the {check.claimed} "
+            f"whose next event was measured, {len(check.errors)} have the right contact."
+        )
+        if len(check.errors):
+            blocks.append(
+                residual_picture(
+                    check.errors,
+                    "Measured − predicted time",
+                    "s",
+                    "Next event after each prediction: measured minus predicted time, with bars of "
+                    "± 2 sigma.",
+                )
+            )
+        if test := consistency(check.errors.normalized()):
+            text += (
+                f" {rounded(100.0 * test.within_two, 3)} % of the measured times are within 2 "
+                "sigma of the predicted ones."
+            )
+        blocks.append(text)
+    return blocks
+
+
+def impacts_section(inputs: Inputs, span: Span) -> Section | None:
+    """Velocities over time, and by contact and kind."""
+    tables = inputs.of_kind("impacts")
+    if not tables:
+        return None
+    section = Section("Impact velocities")
+    columns = ("velocity_before", "velocity_after")
+    with_velocity = [table for table in tables if columns[0] in table.data]
+    if any(np.isfinite(table.column(columns[0])).any() for table in with_velocity):
+        section.blocks.append(
+            MotionPictures(inputs, span).of_panels(
+                list(columns),
+                "Gap velocity before and after each event, with bars of ± 2 sigma. An infinite "
+                "sigma has no bar.",
+            )
+        )
+    else:
+        section.blocks.append("The impacts files have no event with a velocity.")
+    for table in tables:
+        speeds = _speeds(table)
+        if speeds.rows:
+            section.blocks.append(speeds)
+    return section
+
+
+def _speeds(impacts: Table) -> Grid:
+    names = ("velocity_before", "sigma_velocity_before", "impulse")
+    if any(name not in impacts.data for name in names):
+        return Grid("", [])
+    data = impacts.data[np.isfinite(impacts.data["velocity_before"])]
+    data = data[data["kind"] != "opens"].assign(speed=lambda rows: rows["velocity_before"].abs())
+    factor, unit = scale([data["speed"].max()], "m/s")
+    factor_of_impulse, unit_of_impulse = scale([data["impulse"].abs().max()], "N s")
+    grid = Grid(
+        f"Closings of {impacts.label}, by contact and kind",
+        [
+            "contact",
+            "kind",
+            "events",
+            f"median speed [{unit}]",
+            f"largest speed [{unit}]",
+            "at t [s]",
+            f"its sigma [{unit}]",
+            f"largest impulse [{unit_of_impulse}]",
+        ],
+    )
+    for (contact, kind), rows in data.groupby(["contact", "kind"], sort=True):
+        fastest = rows.loc[rows["speed"].idxmax()]
+        sigma = float(fastest["sigma_velocity_before"])
+        grid.rows.append(
+            [
+                f"{contact:g}",
+                str(kind),
+                str(len(rows)),
+                rounded(factor * rows["speed"].median()),
+                rounded(factor * fastest["speed"]),
+                rounded(fastest["t"], 6),
+                rounded(factor * sigma, 2) if math.isfinite(sigma) else "none claimed",
+                rounded(factor_of_impulse * rows["impulse"].max()),
+            ]
+        )
+    return grid
+
+
+def certainty_section(inputs: Inputs, span: Span) -> Section | None:
+    """V, and the bound B where it is finite."""
+    section = Section("Error energy V and bound B")
+    head = ["quantity", "run", "first", "at t [s]", "last", "at t [s]"]
+    grid = Grid("First and last value", head)
+    drawn = False
+    for table in inputs.tables:
+        name = {"energy": "V", "states": "B"}.get(table.kind, "")
+        if name not in table.data:
+            continue
+        t, y = table.column("t"), table.column(name)
+        if not np.isfinite(y).any():
+            continue
+        ends = [_energy(y[i]) if text else rounded(t[i], 6) for i in (0, -1) for text in (1, 0)]
+        grid.rows.append([name, table.label, *ends])
+        drawn |= bool((np.isfinite(y) & (y > 0.0)).any())
+    if not grid.rows:
+        return None
+    if drawn:
+        caption = "V compares the estimate with a simulated machine. B bounds V of the replica."
+        section.blocks.append(MotionPictures(inputs, span).of_panels(["V"], caption))
+    else:
+        section.blocks.append("No value of V or B is positive, so there is no picture.")
+    if not inputs.of_kind("energy"):
+        section.blocks.append(
+            "V is not determined: the true state is not among the files. It is known of a "
+            "simulated machine only."
+        )
+    section.blocks.append(grid)
+    return section
+
+
+def _energy(value: float) -> str:
+    return f"{rounded(value)} J" if math.isfinite(value) else "none"
+
+
+def inconsistencies_section(inputs: Inputs) -> Section | None:
+    """Events that failed the filter's gate, and intervals in which events may be missing."""
+    section = Section("Inconsistencies")
+    runs = [run for run in inputs.runs() if run.report is not None]
+    for run in runs:
+        section.blocks += _failures(run)
+    for run in runs:
+        grid = Grid(
+            f"Intervals of the run {run.label} in which events may be missing",
+            ["from [s]", "to [s]"],
+        )
+        for gap in list_at(run.report, "degraded")[:MOST_ROWS]:
+            end = number_at(gap, "to")
+            text = "the end" if end is None else rounded(end, 8)
+            grid.rows.append([rounded(number_at(gap, "from"), 8), text])
+        if grid.rows:
+            section.blocks.append(grid)
+    return section if section.blocks else None
+
+
+def _failures(run: ObserverRun) -> list[Block]:
+    failures = number_at(run.report, "confidence", "inconsistencies")
+    if failures is None:
+        return []
+    listed = list_at(run.report, "confidence", "first_inconsistencies")
+    if not listed:
+        return [f"Run {run.label}: none."] if failures == 0 else []
+    grid = Grid(
+        f"Events of the run {run.label} that failed the filter's gate",
+        ["t [s]", "contact", "suspected", "innovation² / variance", "records lost"],
+    )
+    for one in listed[:MOST_ROWS]:
+        square = number_at(one, "square_over_variance")
+        grid.rows.append(
+            [
+                rounded(number_at(one, "t"), 8),
+                count_at(one, "contact"),
+                text_at(one, "suspicion"),
+                "" if square is None else rounded(square, 3),
+                "yes" if at(one, "known_loss") is True else "no",
+            ]
+        )
+    blocks: list[Block] = [grid]
+    if failures > len(grid.rows):
+        blocks.append(f"The first {len(grid.rows)} of {rounded(failures, 9)}.")
+    refutations = number_at(run.report, "confidence", "refutations")
+    if refutations is not None:
+        blocks.append(
+            f"The bound has refuted the filter's estimate {rounded(refutations, 9)} times."
+        )
+    return blocks
+
+
+def provenance_section(inputs: Inputs) -> Section:
+    """Files, and the programs that wrote them as far as they say so."""
+    files = Grid("Files of this report", ["file", "content", "damage"])
+    files.rows.append([inputs.scene_file, "scene", "none"])
+    for table in inputs.tables:
+        content = {"energy": "V"}.get(table.kind, str(table.kind))
+        if table.kind == "states":
+            content += " of an estimate" if table.is_estimate else " of a machine"
+        content += f", {count(len(table.data), 'row')}"
+        if table.spurious:
+            content += f", {table.spurious} marked as spurious and left out"
+        files.rows.append([str(table.file), content, table.damage or "none"])
+    programs = Grid("Programs that wrote a report", ["program", "version", "exit", "command"])
+    for report in inputs.reports:
+        files.rows.append([report.file, f"report of {report.program}", "none"])
+        version = text_at(report.content, "version") or "not in the report"
+        command = _command(report.program, at(report.content, "command"))
+        programs.rows.append([report.program, version, count_at(report.content, "exit"), command])
+    section = Section("Files, versions and command lines", [files])
+    if programs.rows:
+        section.blocks.append(programs)
+    section.blocks.append(
+        "CSV files have no version and no command line. --report of each program writes both."
+    )
+    return section
+
+
+def _command(program: str, words: Any) -> str:
+    if not isinstance(words, list):
+        return "not in the report"
+    return " ".join(
+        ["sprag", program, *(shlex.quote(word) for word in words if isinstance(word, str))]
+    )

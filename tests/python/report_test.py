@@ -1,0 +1,583 @@
+"""report: figures that it computes, names that are only text, and the program with real files."""
+
+import importlib.util
+import json
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from sprag._errors import InputError
+from sprag.report import page
+from sprag.report.analysis import (
+    FEWEST_RESIDUALS,
+    Events,
+    Residuals,
+    check_predictions,
+    consistency,
+    events_of,
+    innovations,
+)
+from sprag.report.content import quantity, rounded, rounded_to
+from sprag.report.inputs import Inputs
+from sprag.report.run import certainty_section, impacts_section, measurement_section
+from sprag.tables import read_table
+
+SOURCE = Path(os.environ["SPRAG_SOURCE_DIR"])
+BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
+REPORT = str(BUILD / "tools" / "report")
+LAB_RIG = str(SOURCE / "scenes" / "lab_rig.toml")
+HAS_CORE = importlib.util.find_spec("sprag._core") is not None
+needs_core = unittest.skipUnless(HAS_CORE, "the compiled part is not built")
+STATES = "k,t,q1,q2,u1,u2,B\n0,0,1,2,0,0,1\n1,8,1,2,0,0,1\n"
+
+
+def run(program: str, *arguments: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run([program, *arguments], capture_output=True, text=True, **options)
+
+
+def residuals(values) -> Residuals:
+    n = len(values)
+    ones = np.ones(n)
+    return Residuals(np.arange(float(n)), np.asarray(values, float), ones, ones.astype(int))
+
+
+class FolderCase(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="sprag_report_test_"))
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def path(self, name: str) -> str:
+        return str(self.folder / name)
+
+    def file(self, name: str, text: str) -> str:
+        (self.folder / name).write_text(text)
+        return self.path(name)
+
+    def table(self, text: str):
+        return read_table(self.file("table.csv", text))
+
+    def report(self, *arguments: str) -> subprocess.CompletedProcess:
+        return run(REPORT, *arguments, "--output", self.path("r.html"))
+
+    def page(self) -> str:
+        return (self.folder / "r.html").read_text()
+
+
+class NumbersTest(unittest.TestCase):
+    def test_two_digits_of_sigma_are_shown(self):
+        for value, sigma, text in [
+            (0.650071234, 6e-5, "0.650071"),
+            (1.1457, 0.26, "1.15"),
+            (-1.1457, 0.1, "-1.15"),
+            (1.000200012345, 1e-9, "1.000200012"),
+            (3e-6, 7.2e-6, "3e-06"),
+            (-0.0, 1.0, "0"),
+            (0.123456789, 0.0, "0.123457"),
+            (float("nan"), 1.0, "not determined"),
+        ]:
+            self.assertEqual(rounded_to(value, sigma), text)
+
+    def test_small_numbers_have_prefixes(self):
+        self.assertEqual(quantity(1.2e-4, "s"), "0.12 ms")
+        self.assertEqual(quantity(2e-5, "s"), "20 µs")
+        self.assertEqual(quantity(-0.05, "m"), "-50 mm")
+        self.assertEqual(quantity(0.7, "m"), "0.7 m")
+        self.assertEqual(quantity(0.0, "s"), "0 s")
+        self.assertEqual(quantity(1e-3, "N m²"), "0.001 N m²")
+        self.assertEqual(quantity(None, "s"), "not determined")
+
+    def test_consistency_refutes_a_wrong_sigma(self):
+        draw, runs = np.random.default_rng(29), 2000
+        for n in (FEWEST_RESIDUALS, 60, 400):
+            values = draw.standard_normal((runs, n))
+            right = sum(consistency(residuals(row)).holds for row in values)
+            wrong = sum(consistency(residuals(2.0 * row)).holds for row in values)
+            self.assertAlmostEqual(right / runs, 0.95, delta=0.022)
+            self.assertLess(wrong / runs, 0.4 if n == FEWEST_RESIDUALS else 0.01)
+        self.assertIsNone(consistency(residuals(np.ones(FEWEST_RESIDUALS - 1))))
+
+
+class AnalysisTest(FolderCase):
+    def test_pulses_are_one_event(self):
+        events = events_of(
+            self.table("t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n2,1,1\n2,1,0\n3,2,0\n")
+        )
+        self.assertEqual(events.kind.tolist(), ["impact", "closes", "impact", "opens"])
+        self.assertEqual(events.contact.tolist(), [1, 2, 1, 2])
+        self.assertEqual(events.closings, 3)
+        events = events_of(self.table("t,contact,kind\n1,2,opens\n"))
+        self.assertEqual(events.kind.tolist(), ["opens"])
+
+    def test_inserted_and_spurious_events_are_not_measured(self):
+        table = self.table(
+            "t,contact,closed,note\n1,1,1,\n1,1,0,\n2,1,1,spurious\n2,1,0,spurious\n"
+            "3,1,1,lost\n3,1,0,lost\n4,1,1,\n4,1,0,\n"
+        )
+        events = events_of(table)
+        self.assertEqual(events.t.tolist(), [1.0, 4.0])
+        self.assertEqual(events.inserted, 2)
+        section = measurement_section(Inputs("s.toml", "s", None, tables=[table]))
+        self.assertIn("has 2 events from t = 1 s to 4 s", section.blocks[0])
+        self.assertIn("2 rows marked as spurious are not counted", section.blocks[0])
+        self.assertIn("2 rows that identify inserted for lost events", section.blocks[0])
+        self.assertEqual(section.blocks[1].rows, [["1", "2", "0", "0", "1", "4"]])
+
+    def test_innovations_are_those_of_each_reported_closing(self):
+        found = innovations(
+            self.table(
+                "k,t,q1,u1,closing_t,closing_contact,filter_gap,sigma_filter_gap\n"
+                "0,0,0,0,-1,0,0,0\n1,1,0,0,0.5,2,0.25,0.5\n2,2,0,0,0.5,2,0.25,0.5\n"
+                "3,3,0,0,2.5,1,1,0\n"
+            )
+        )
+        self.assertEqual(found.t.tolist(), [0.5, 2.5])
+        self.assertEqual(found.contact.tolist(), [2, 1])
+        # Without a sigma there is no normalized one.
+        self.assertEqual(found.normalized().value.tolist(), [0.5])
+
+    def test_predictions_are_compared_with_the_next_event(self):
+        predictions = self.table(
+            "made_at,certain_until,t,contact,kind,sigma_t\n"
+            "0.5,1,,,,\n"
+            "1.5,3,2.1,1,impact,0.3\n"
+            "1.5,3,2.9,2,impact,0.4\n"
+            "2.5,4,3.2,1,impact,0.1\n"
+            "3.5,5,4.5,1,opens,0.1\n"
+            "5.5,6,5.9,1,impact,0.1\n"
+        )
+        events = Events(
+            np.array([1.0, 2.0, 3.0, 4.0]),
+            np.array([1, 1, 2, 1]),
+            np.array(["impact", "closes", "impact", "opens"]),
+        )
+        check = check_predictions(predictions, events, 0.4)
+        self.assertEqual((check.none, check.others, check.open_end), (1, 1, 1))
+        np.testing.assert_allclose(check.errors.value, [-0.1, -0.5])
+        np.testing.assert_allclose(check.errors.sigma[0], 0.5)  # with the jitter
+        self.assertEqual(check.errors.t.tolist(), [2.0, 4.0])
+
+    def test_velocities_are_by_contact_and_kind_with_right_medians(self):
+        rows = [(1, "impact", v) for v in (-0.1, -0.2, -0.4, -0.5)]
+        rows += [(1, "closes", -0.01), (2, "impact", -1.5), (2, "opens", 0.0)]
+        text = "t,contact,kind,velocity_before,sigma_velocity_before,velocity_after"
+        text += ",sigma_velocity_after,impulse\n"
+        for t, (contact, kind, v) in enumerate(rows):
+            text += f"{t},{contact},{kind},{v},0.01,{-0.5 * v},0.01,{-v}\n"
+        inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
+        grid = impacts_section(inputs, (-np.inf, np.inf)).blocks[-1]
+        self.assertEqual(grid.head[3:5], ["median speed [m/s]", "largest speed [m/s]"])
+        shown = [row[:6] for row in grid.rows]
+        self.assertEqual(shown[0], ["1", "closes", "1", "0.01", "0.01", "4"])
+        self.assertEqual(shown[1], ["1", "impact", "4", "0.3", "0.5", "3"])
+        self.assertEqual(shown[2], ["2", "impact", "1", "1.5", "1.5", "5"])
+        self.assertEqual(len(shown), 3)
+
+    def test_an_infinite_bound_has_no_row(self):
+        none = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,inf\n")
+        inputs = Inputs("s.toml", "s", None, tables=[none])
+        self.assertIsNone(certainty_section(inputs, (-np.inf, np.inf)))
+        late = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,0.25\n")
+        grid = certainty_section(
+            Inputs("s.toml", "s", None, tables=[late]), (-np.inf, np.inf)
+        ).blocks[-1]
+        self.assertEqual(grid.rows, [["B", "table", "none", "0", "0.25 J", "1"]])
+
+
+class RunTest(unittest.TestCase):
+    """A rig of two masses, with jittered events."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = Path(tempfile.mkdtemp(prefix="sprag_report_test_"))
+        cls.addClassCleanup(shutil.rmtree, cls.folder)
+        jitter = 2e-5
+        scene = cls.path("scene.toml")
+        Path(scene).write_text(Path(LAB_RIG).read_text() + f"\n[events]\njitter = {jitter}\n")
+        span = ("--duration", "30", "--tick", "0.01")
+        cls.ended(
+            "MASTER_SIM",
+            *(scene, *span, "--speed", "max", "--no-lcm"),
+            *("--events", cls.path("exact.csv"), "--states", cls.path("machine.csv")),
+        )
+        draw = random.Random(11)
+        rows = ["t,contact,closed"]
+        error = 0.0
+        for row in Path(cls.path("exact.csv")).read_text().splitlines()[1:]:
+            t, contact, closed = row.split(",")
+            if closed == "1":
+                error = draw.gauss(0.0, jitter)  # a pulse, which takes two rows, has one error
+            rows.append(f"{float(t) + error:.12f},{contact},{closed}")
+        Path(cls.path("events.csv")).write_text("\n".join(rows) + "\n")
+        cls.ended(
+            "OBSERVER",
+            *(scene, "--replay", cls.path("events.csv"), *span),
+            *("--states", cls.path("states.csv"), "--impacts", cls.path("impacts.csv")),
+            *("--predict", "0.5", "--predictions", cls.path("predictions.csv")),
+            *("--report", cls.path("observer.json")),
+        )
+        cls.ended(
+            "SYNC_LOGGER",
+            *(scene, "--truth", cls.path("machine.csv"), "--estimate", cls.path("states.csv")),
+            *("--csv", cls.path("V.csv")),
+        )
+        names = "events states impacts predictions machine V".split()
+        cls.files = [scene, *(cls.path(f"{n}.csv") for n in names), cls.path("observer.json")]
+
+    @classmethod
+    def path(cls, name: str) -> str:
+        return str(cls.folder / name)
+
+    @classmethod
+    def ended(cls, program: str, *arguments: str) -> str:
+        done = run(os.environ[program], *arguments)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    def check_self_contained(self, html: str) -> None:
+        """No script, nothing that is loaded, one element of each identifier, closed elements."""
+        for part in (
+            "<script <link <img <image <iframe <object data: @import javascript: onload <?xml "
+            "<!ENTITY"
+        ).split():
+            self.assertNotIn(part, html)
+        places = re.sub(r'xmlns(:\w+)?="[^"]*"', "", html)
+        self.assertNotRegex(places, "https?://")
+        self.assertIn("default-src 'none'; style-src 'unsafe-inline'", html)
+        for tag in ("svg", "table", "section", "figure"):
+            self.assertEqual(html.count(f"<{tag}"), html.count(f"</{tag}>"))
+        self.assertTrue(html.endswith("</html>\n"))
+        identifiers = re.findall(r'\sid="([^"]*)"', html)
+        self.assertEqual(len(identifiers), len(set(identifiers)))
+        for reference in re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', html):
+            self.assertIn("".join(reference), identifiers)
+
+    @needs_core
+    def test_run_has_every_section_with_the_figures_of_the_files(self):
+        own, output = self.path("own.json"), self.path("r.html")
+        done = run(REPORT, *self.files, "--output", output, "--report", own)
+        self.assertEqual((done.returncode, done.stderr), (0, ""))
+        html = Path(output).read_text()
+        self.check_self_contained(html)
+        titles = [
+            "Machine and scene",
+            "What was measured",
+            "Motion",
+            "Predicted and measured events",
+            "Impact velocities",
+            "Error energy V and bound B",
+            "Inconsistencies",
+            "Files, versions and command lines",
+        ]
+        self.assertEqual(re.findall("<h2>(.*?)</h2>", html), titles)
+        self.assertEqual(json.loads(Path(own).read_text())["sections"], titles)
+        self.assertIn("general system M, C, K", html)
+        self.assertIn("4.5 Hz", html)
+        self.assertIn("<td>jitter of event times</td><td>20 µs</td>", html)
+        figures = json.loads(Path(self.path("observer.json")).read_text())
+        events = pd.read_csv(self.path("events.csv"))
+        closings = int((events["closed"] == 1).sum())
+        self.assertEqual(figures["confidence"]["inconsistencies"], 0)
+        self.assertIn(
+            f"None of the {closings} closings contradicts the filter&#39;s estimate.", html
+        )
+        self.assertRegex(html, f"<td>events taken</td><td[^>]*>{figures['events']}</td>")
+        V = pd.read_csv(self.path("V.csv"))["V"]
+        self.assertIn(f"<td>{rounded(V.iloc[-1])} J</td>", html)
+        impacts = pd.read_csv(self.path("impacts.csv"))
+        fastest = impacts["velocity_before"].abs().max()
+        self.assertIn(rounded(fastest), html)
+        self.assertIn(f"sprag observer {self.files[0]} --replay ", html)
+        self.assertIn("innovations are within 2 sigma", html)
+        self.assertIn("Sigma passes this test.", html)
+        # The same files give the same page; the function returns it, too.
+        self.assertEqual(page(self.files), html)
+
+    @needs_core
+    def test_a_wrong_sigma_is_reported(self):
+        states = pd.read_csv(self.path("states.csv"), float_precision="round_trip")
+        states["sigma_filter_gap"] *= 0.3
+        states.to_csv(self.path("wrong.csv"), index=False)
+        html = page([self.files[0], self.files[1], self.path("wrong.csv")])
+        self.assertIn("less certain than it claims", html)
+
+    @needs_core
+    def test_sigma_of_exact_times_is_not_tested(self):
+        html = page([LAB_RIG, *self.files[1:3]])
+        self.assertIn("Whether sigma is right is not tested.", html)
+        self.assertNotIn("this test", html)
+
+    @needs_core
+    def test_identification_has_parameters_and_residuals(self):
+        nominal = Path(self.files[0]).read_text()
+        scene = self.path("wrong.toml")
+        Path(scene).write_text(nominal.replace("restitution = 0.6", "restitution = 0.55"))
+        options = [self.path("events.csv"), scene, "--free", "impact.restitution,system.K,system.C"]
+        with_report = self.path("identify.json")
+        as_json = self.path("json.json")
+        self.ended("IDENTIFY", *options, "--report", with_report)
+        Path(as_json).write_text(self.ended("IDENTIFY", *options, "--json"))
+        for file in (with_report, as_json):
+            html = page([scene, self.path("events.csv"), file])
+            self.check_self_contained(html)
+            self.assertIn("<strong>The events fit, with 3 parameters as found.</strong>", html)
+            self.assertIn("predicts the impacts of the last fifth within", html)
+            self.assertEqual(html.count("<svg"), 3)  # intervals, correlations, residuals
+            self.assertIn("Fitted values with 95 % intervals", html)
+            self.assertIn(">1.00<", html)  # on the diagonal of the correlations
+            self.assertIn("residuals are within 2 sigma", html)
+            self.assertNotIn("<h2>Motion</h2>", html)
+            for parameter in json.loads(Path(file).read_text())["parameters"]:
+                shown = rounded_to(parameter["value"], parameter["sigma"])
+                self.assertRegex(html, f'<td>{parameter["parameter"]}</td>.*>{shown}</td>')
+            # --json has no command line.
+            self.assertEqual("sprag identify " in html, file == with_report)
+
+    def test_without_the_compiled_part_the_rest_is_shown(self):
+        package = self.folder / "without" / "python" / "sprag"
+        (self.folder / "without").mkdir()
+        (self.folder / "without" / "tools").symlink_to(BUILD / "tools")
+        shutil.copytree(
+            BUILD / "python" / "sprag", package, ignore=shutil.ignore_patterns("_core*.so")
+        )
+        code = "import sys; from sprag.report import main; sys.exit(main())"
+        output = self.path("without.html")
+        done = run(
+            sys.executable,
+            *("-c", code, *self.files, "--output", output),
+            env=os.environ | {"PYTHONPATH": str(package.parent)},
+        )
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("the compiled part of the Python package is not installed", done.stderr)
+        html = Path(output).read_text()
+        self.check_self_contained(html)
+        self.assertIn("this page leaves out the rows about the machine, its contacts", html)
+        self.assertIn("Gap at each contact", html)
+        self.assertIn("None of the ", html)
+        self.assertIn("<h2>Motion</h2>", html)
+
+
+class ProgramTest(FolderCase):
+    def test_refused_identification_has_its_reason(self):
+        content = {
+            "program": "identify",
+            "version": "9",
+            "scene": "other",
+            "verdict": "the events do not fit",
+            "fits": False,
+            "problem": "wrong_model",
+            "reason": "They scatter.",
+            "parameters": [],
+            "missing": [{"t": 3.25, "contact": 1}],
+            "exit": 3,
+        }
+        done = self.report(LAB_RIG, self.file("i.json", json.dumps(content)))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        html = self.page()
+        self.assertIn('class="verdict bad"', html)
+        self.assertIn("<strong>The events do not fit.</strong> They scatter.", html)
+        self.assertIn("The identification was of the scene other", html)
+        self.assertIn("<td>lost: the machine has an impact there</td>", html)
+        self.assertIn("3.25", html)
+
+    def test_inconsistencies_are_listed_with_their_times(self):
+        first = {
+            "t": 4.75,
+            "contact": 1,
+            "suspicion": "missing event",
+            "known_loss": True,
+            "square_over_variance": 123.0,
+        }
+        content = {
+            "program": "observer",
+            "settled_tick": 10,
+            "confidence": {"inconsistencies": 7, "first_inconsistencies": [first]},
+            "degraded": [{"from": 4.5, "to": 4.875}],
+        }
+        done = self.report(LAB_RIG, self.file("o.json", json.dumps(content)))
+        self.assertEqual(done.returncode, 0, done.stderr)
+        html = self.page()
+        self.assertIn("gate failed 7 times, first at t = 4.75 s, contact 1", html)
+        self.assertIn('<td class="number">4.75</td>', html)
+        self.assertIn("<td>missing event</td>", html)
+        self.assertIn("The first 1 of 7.", html)
+        self.assertIn("4.875", html)
+
+    @needs_core
+    def test_a_shaken_stop_does_not_rest_and_a_record_is_drawn(self):
+        states = "k,t,q1,q2,q3,q4,u1,u2,u3,u4,B\n0,0,1,2,0,0,1,2,0,0,1\n1,1,1,2,0,0,1,2,0,0,1\n"
+        swept = str(SOURCE / "scenes" / "swept_beam.toml")
+        self.assertEqual(self.report(swept, self.file("s.csv", states)).returncode, 0)
+        html = self.page()
+        self.assertIn("moves with the shaken frame", html)
+        self.assertNotIn("<td>rests</td>", html)
+        self.assertIn("Recorded acceleration of the frame", html)
+        self.assertIn('<th class="number">clearance [mm]</th>', html)
+        self.assertIn("<td>force 1, times its direction</td><td>a recorded input</td>", html)
+        self.report(LAB_RIG, self.file("s.csv", STATES))
+        self.assertIn("<td>rests</td>", self.page())
+
+    def test_hostile_names_are_text(self):
+        evil = "</title><script>alert(1)</script>&#x27;\"'`touch ran`\n\x1b[31m]]>$\\frac$"
+        scene = self.file(
+            "a.toml",
+            f"name = {json.dumps(evil)}\n[system]\nM = [[1]]\nC = [[1]]\nK = [[1]]\n[[contact]]\n"
+            "direction = [1]\n[impact]\nrestitution = 0.5\n",
+        )
+        states = self.file(
+            "s.csv",
+            "k,t,q1,u1,B,sigma_q1,<script>x$y$,sigma_<script>x$y$\n"
+            "0,0,1,2,1,1,1,1\n1,8,3,4,1,1,2,1\n",
+        )
+        fitted = {"parameter": evil, "unit": evil, "determined": True, "value": 1.0, "nominal": 2.0}
+        ends = {"low": 0.5, "high": 1.5, "sigma": 0.2, "range": [0, 3]}
+        identified = {
+            **{key: evil for key in ("version", "scene", "verdict", "problem", "reason", "held")},
+            "program": "identify",
+            "command": [evil, "--free", evil],
+            "fits": False,
+            "parameters": [{**fitted, **ends}, {**fitted, "parameter": "b"}],
+            "correlations": [[1.0, 0.5], [0.5, 1.0]],
+        }
+        observed = {
+            "program": "observer",
+            "version": evil,
+            "skipped": {evil: 3},
+            "confidence": {
+                "inconsistencies": 2,
+                "first_inconsistencies": [{"t": 1.0, "contact": 1, "suspicion": evil}],
+            },
+        }
+        i = self.file("i.json", json.dumps(identified))
+        o = self.file("<img src=x onerror=alert(1)>.json", json.dumps(observed))
+        done = self.report(scene, f"{evil}={states}", i, o, "--title", evil)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        html = self.page()
+        for part in ("<script", "<img", "\x1b", "alert(1)</script>"):
+            self.assertNotIn(part, html)
+        self.assertIn("<h1>&lt;/title&gt;&lt;script&gt;alert(1)", html)
+        self.assertIn(escape("$\\frac$"), html)
+        self.assertFalse((self.folder / "ran").exists())
+
+    def test_any_json_is_a_report_or_refused(self):
+        o = self.file(
+            "o.json",
+            '{"program":"observer","events":"many","skipped":[1],"degraded":{"a":1},"command":7,'
+            '"confidence":{"inconsistencies":"x","first_inconsistencies":[3,{"t":"x"}],'
+            '"bound":[]}}',
+        )
+        i = self.file(
+            "i.json",
+            '{"program":"identify","verdict":3,"parameters":[1,{"parameter":4,"determined":true},'
+            '{"value":"x"}],"correlations":[[1],[2,"x"],3],"residuals":{"t":[1,"x",3],'
+            '"contact":[-1,2,99],"residual":[1,2,3],"sigma":[0,null,1]},"missing":7,'
+            '"drift":{"value":1},"others":3, "scatter": 1e999, "jitter": ' + "9" * 400 + "}",
+        )
+        done = self.report(LAB_RIG, o, i)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        for text, expected in [
+            (b"{", "is no complete JSON"),
+            (b'{"a": 1}', "has no key program"),
+            (b'{"program": 3}', "has no key program"),
+            (b'{"program": "\xff"}', "is no complete JSON"),
+            (b'{"a":' * 100000, "is no complete JSON"),
+            (b"a,b\n1,2\n", "the header is none"),
+            (b"", "the header is none"),
+        ]:
+            bad = self.folder / "bad.json"
+            bad.write_bytes(text)
+            (self.folder / "r.html").unlink(missing_ok=True)
+            done = self.report(LAB_RIG, str(bad))
+            self.assertEqual(done.returncode, 2, done.stderr)
+            for part in (str(bad), expected, "expected a scene, a CSV of states"):
+                self.assertIn(part, done.stderr)
+            self.assertFalse((self.folder / "r.html").exists())
+
+    def test_bad_usage_exits_with_two_and_keeps_an_old_report(self):
+        states = self.file("s.csv", STATES)
+        self.file("r.html", "old")
+        for arguments, expected in [
+            ([LAB_RIG, self.path("none.csv")], self.path("none.csv")),
+            ([LAB_RIG, self.path("none.json")], "expected a scene, a CSV of states"),
+            ([LAB_RIG], "no file of a run is given"),
+            ([states], "no scene is given"),
+            ([LAB_RIG, LAB_RIG, states], "is a second scene"),
+            (["lab_rog", states], "did you mean lab_rig?"),
+            ([LAB_RIG, states, "--from", "9"], "nothing to show"),
+            ([LAB_RIG, states, "--format", "doc"], "html"),
+        ]:
+            done = self.report(*arguments)
+            self.assertEqual(done.returncode, 2, f"{arguments}: {done.stderr}")
+            self.assertIn(expected, done.stderr)
+            self.assertNotIn("Traceback", done.stderr)
+            self.assertEqual(self.page(), "old")
+        done = run(REPORT, LAB_RIG, states, "--output", self.path("r.doc"))
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("must end in .html or .pdf", done.stderr)
+        done = run(REPORT, LAB_RIG, states, "--output", states, "--format", "html")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("are the same file", done.stderr)
+        self.assertEqual(Path(states).read_text(), STATES)
+
+    def test_states_of_another_machine_are_refused(self):
+        foreign = self.file("f.csv", "k,t,q1,u1,B\n0,0,1,2,1\n1,8,1,2,1\n")
+        with self.assertRaisesRegex(InputError, "has 1 coordinates; the scene has 2"):
+            page([LAB_RIG, foreign])
+
+    def test_a_damaged_file_is_shown_up_to_the_damage(self):
+        states = self.file("s.csv", STATES + "2,9,1\n")
+        done = self.report(LAB_RIG, states)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(f"{states}:4: 3 fields", done.stderr)
+        self.assertIn(f"{states}:4: 3 fields", self.page())
+        self.assertIn("states of an estimate, 2 rows", self.page())
+
+    def test_an_output_that_cannot_be_written_leaves_nothing(self):
+        states = self.file("s.csv", STATES)
+        done = run(REPORT, LAB_RIG, states, "--output", self.path("none/r.html"))
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("cannot be written", done.stderr)
+        self.assertEqual([file.name for file in self.folder.iterdir()], ["s.csv"])
+
+    def test_pdf_needs_a_program_that_works(self):
+        states = self.file("s.csv", STATES)
+        arguments = [LAB_RIG, states, "--output", self.path("r.pdf")]
+        (self.folder / "bin").mkdir()
+        only = os.environ | {"PATH": self.path("bin")}
+        if importlib.util.find_spec("weasyprint") is None:
+            done = run(REPORT, *arguments, env=only)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("apt install chromium", done.stderr)
+        else:
+            done = run(REPORT, *arguments, env=only)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual((self.folder / "r.pdf").read_bytes()[:5], b"%PDF-")
+            (self.folder / "r.pdf").unlink()
+        chromium = Path(self.file("bin/chromium", "#!/bin/sh\nexit 3\n"))
+        chromium.chmod(0o700)
+        done = run(REPORT, *arguments, env=only)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("chromium has failed to convert", done.stderr)
+        self.assertFalse((self.folder / "r.pdf").exists())
+
+    @unittest.skipUnless(
+        shutil.which("chromium"), "no chromium: scripts/install_packages --browser"
+    )
+    def test_pdf_is_made_by_chromium(self):
+        states = self.file("s.csv", STATES)
+        output = self.path("a name")
+        done = run(REPORT, LAB_RIG, states, "--format", "pdf", "--output", output)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(Path(output).read_bytes()[:5], b"%PDF-")
+
+
+if __name__ == "__main__":
+    unittest.main()
