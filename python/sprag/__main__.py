@@ -9,7 +9,12 @@ from ._command import EXIT_DONE, EXIT_USAGE, choose, printable
 from ._version import __version__
 
 # Each program with its module in this package, which has a function main().
-PROGRAMS: dict[str, str] = {"import_events": "importing", "plot": "plot", "study": "study"}
+PROGRAMS: dict[str, str] = {
+    "import_events": "importing",
+    "plot": "plot",
+    "report": "report",
+    "study": "study",
+}
 
 
 def main() -> int:

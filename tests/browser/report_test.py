@@ -52,8 +52,9 @@ class ReportTest(BrowserCase):
             const box = svg.getBoundingClientRect(); return [box.width, box.height]; })""")
         self.assertGreaterEqual(len(boxes), 5)
         for across, high in boxes:
-            self.assertGreaterEqual(across, 500)
-            self.assertGreaterEqual(high, 100)
+            self.assertGreaterEqual(across, 0.85 * min(width, 600))
+            self.assertLessEqual(across, width)
+            self.assertGreaterEqual(high, 90)
 
     def test_desktop(self):
         page = self.shown(1280, 900)
@@ -71,9 +72,17 @@ class ReportTest(BrowserCase):
         self.check(page, 390)
         font = float(page.js("getComputedStyle(document.body).fontSize").removesuffix("px"))
         self.assertGreaterEqual(font, 14)
+        # Pictures fit, with legible texts; tables scroll, and a shadow at their side shows that they do.
+        self.assertEqual(page.js("""[...document.querySelectorAll('figure')].filter(
+            (figure) => figure.scrollWidth > figure.clientWidth).length"""), 0)
+        heights = [bottom - top for texts in page.js(TEXTS) for _, _, top, _, bottom in texts]
+        self.assertGreater(min(heights), 6.0)
         scrolling = page.js("""[...document.querySelectorAll('.scroll')].filter(
-            (part) => part.scrollWidth > part.clientWidth).length""")
-        self.assertGreater(scrolling, 0)
+            (part) => part.scrollWidth > part.clientWidth).map(
+            (part) => getComputedStyle(part).backgroundImage)""")
+        self.assertGreater(len(scrolling), 0)
+        for image in scrolling:
+            self.assertEqual(image.count("linear-gradient"), 4)
 
     def test_print(self):
         page = self.shown(1280, 900)
@@ -84,6 +93,14 @@ class ReportTest(BrowserCase):
         page.cdp("Emulation.setEmulatedMedia", media="print")
         page.cdp("Emulation.setDeviceMetricsOverride", width=680, height=960, deviceScaleFactor=1, mobile=False)
         self.assertLessEqual(page.js(WIDE), 680, "nothing is cut off in print")
+        # A page break cuts no picture, no verdict, no short table, and no row of a long one.
+        for kind in ("figure", ".verdict", ".short", "tr"):
+            parts = page.js(f"""[...document.querySelectorAll('{kind}')].map((part) => [
+                getComputedStyle(part).breakInside, part.getBoundingClientRect().height])""")
+            self.assertGreater(len(parts), 0)
+            for inside, high in parts:
+                self.assertEqual(inside, "avoid", kind)
+                self.assertLess(high, 960, f"{kind} is higher than a page")
 
 
 if __name__ == "__main__":
