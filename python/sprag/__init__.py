@@ -5,6 +5,8 @@ smooth() and Observer estimate its state from the events; check() assesses wheth
 identify() and diagnose() judge its parameters. Contacts count from
 1. Units are those of the scene, SI in the supplied scenes. Arrays of many ticks are n x f in C
 order. All results are read-only views of C++ data, without copies, and keep that data alive.
+Scenes and results are values: they pickle (for processes of the same version), compare equal by
+their numbers, and are hashable.
 """
 
 import importlib.util

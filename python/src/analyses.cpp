@@ -18,6 +18,7 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
+#include "python/src/members.h"
 #include "python/src/settings.h"
 #include "sprag/detail/analysis/diagnosis.h"
 #include "sprag/detail/analysis/reduction_choice.h"
@@ -86,6 +87,8 @@ struct PythonIdentification {
   Eigen::VectorXd values, sigmas, low, high;
   std::vector<std::uint8_t> determined, at_bound;
 };
+SPRAG_MEMBERS(PythonIdentification, fit, events, keys, values, sigmas, low, high, determined,
+              at_bound)
 
 PythonIdentification collected(Identification fit, EventList events) {
   PythonIdentification all;
@@ -254,7 +257,7 @@ void bind_fit_figures(IdentificationClass& of_fit) {
 
 void bind_identification(py::module_& module) {
   using Class = PythonIdentification;
-  IdentificationClass of_fit(
+  IdentificationClass of_fit = value_class<PythonIdentification>(
       module, "Identification",
       "Parameters that contact events determine, P of them, and the verdict. Entry k "
       "of each array belongs to keys[k]; it is nan where determined[k] is False.");
@@ -294,9 +297,9 @@ void bind_identification(py::module_& module) {
 // ---- diagnosis
 
 void bind_diagnosis(py::module_& module) {
-  py::class_<Candidate>(module, "Candidate",
-                        "A parameter that may be wrong, alone, and the value that explains the "
-                        "events best.")
+  value_class<Candidate>(module, "Candidate",
+                         "A parameter that may be wrong, alone, and the value that explains the "
+                         "events best.")
       .def_property_readonly(
           "name", [](const Candidate& of) { return of.parameter.name; }, "Name for people.")
       .def_property_readonly(
@@ -320,8 +323,8 @@ void bind_diagnosis(py::module_& module) {
       .def_readonly("fits", &Candidate::fits, "Whether the events fit with it and the jitter.")
       .def_readonly("improved_by", &Candidate::improved_by,
                     "A parameter that explains much more together with it; else empty.");
-  py::class_<Diagnosis>(module, "Diagnosis",
-                        "Whether events fit a scene, and which parameter would explain them.")
+  value_class<Diagnosis>(module, "Diagnosis",
+                         "Whether events fit a scene, and which parameter would explain them.")
       .def_readonly("fits", &Diagnosis::fits, "Whether the events fit the scene as it is.")
       .def_readonly("jitter", &Diagnosis::jitter, "Specified jitter [s]; 0: exact.")
       .def_readonly("scatter", &Diagnosis::scatter,
@@ -373,6 +376,8 @@ struct Smoothed {
   std::vector<std::uint8_t> smoothed;
   std::vector<SmoothedStretch> stretches;
 };
+SPRAG_MEMBERS(Smoothed, t, q, u, sigma_q, sigma_u, sigma_gap, outputs, sigma_outputs, smoothed,
+              stretches)
 
 Smoothed run_smooth(const Scene& scene, const EventList& events, double duration, double tick) {
   const std::int64_t last = last_tick(duration, tick);
@@ -414,16 +419,16 @@ void bind_smoother(py::module_& module) {
       return view(self.cast<const Smoothed&>().*member, self);
     };
   };
-  py::class_<SmoothedStretch>(module, "SmoothedStretch", "Part of a recording that is smoothed.")
+  value_class<SmoothedStretch>(module, "SmoothedStretch", "Part of a recording that is smoothed.")
       .def_readonly("begin", &SmoothedStretch::from, "[s]")
       .def_readonly("end", &SmoothedStretch::to, "[s]")
       .def_readonly("events", &SmoothedStretch::events, "Number of events in it.")
       .def_readonly("misfit", &SmoothedStretch::misfit,
                     "Mean normalized innovation squared of its events; about 1 if model, jitter "
                     "and drift are right.");
-  py::class_<Smoothed>(module, "Smoothed",
-                       "Estimates from all events before and after each tick. All arrays are "
-                       "read-only views; row k is tick k.")
+  value_class<Smoothed>(module, "Smoothed",
+                        "Estimates from all events before and after each tick. All arrays are "
+                        "read-only views; row k is tick k.")
       .def_property_readonly(
           "t", [](const py::object& self) { return view(self.cast<const Smoothed&>().t, self); },
           "Times k h [s], n entries.")
@@ -537,7 +542,7 @@ void bind_impacts(py::module_& module) {
       "[m/s]), impulse [N s], each with its standard deviation sigma_..., inf where unknown; and "
       "for releases (sustained) force_begin, force_end, force_largest [N] and force_impulse [N s] "
       "of the contact that ends, else nan. Raises ModelError or ValueError.");
-  py::class_<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
+  value_class<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
       .def_readonly("made_at", &Prediction::made_at, "Time of the prediction [s].")
       .def_readonly("certain_until", &Prediction::certain_until,
                     "No other event is expected up to here [s].")
@@ -573,10 +578,11 @@ struct PythonReduction {
   Reduction reduction;
   std::shared_ptr<Scene> scene;
 };
+SPRAG_MEMBERS(PythonReduction, reduction, scene)
 
 void bind_reduction(py::module_& module) {
-  py::class_<PythonReduction>(module, "Reduction",
-                              "A machine with fewer modes and a correction for the others.")
+  value_class<PythonReduction>(module, "Reduction",
+                               "A machine with fewer modes and a correction for the others.")
       .def_property_readonly(
           "correction", [](const PythonReduction& of) { return of.reduction.correction; },
           "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.")

@@ -15,6 +15,7 @@
 #include "lcmtypes/estimate_listener.h"
 #include "lcmtypes/event_publisher.h"
 #include "python/src/arrays.h"
+#include "python/src/members.h"
 
 namespace sprag::python {
 namespace {
@@ -122,9 +123,9 @@ void bind_publisher(py::module_& module) {
 }
 
 void bind_listener(py::module_& module) {
-  py::class_<EstimateSample>(module, "LiveEstimate",
-                             "An observer's estimate of one tick, received from the bus. All "
-                             "arrays are read-only views.")
+  value_class<EstimateSample>(module, "LiveEstimate",
+                              "An observer's estimate of one tick, received from the bus. All "
+                              "arrays are read-only views.")
       .def_readonly("session", &EstimateSample::session, "The master's.")
       .def_readonly("tick", &EstimateSample::tick)
       .def_readonly("settled_tick", &EstimateSample::settled_tick,

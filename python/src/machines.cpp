@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "python/src/arrays.h"
+#include "python/src/members.h"
 #include "sprag/beam.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/files/shipped_scenes.h"
@@ -36,6 +37,7 @@ struct Record {
   bool displacement = false;
   Eigen::VectorXd t, values;
 };
+SPRAG_MEMBERS(Record, of, displacement, t, values)
 
 void require(bool holds, const std::string& what) {
   if (!holds) throw std::invalid_argument(what);
@@ -451,15 +453,15 @@ auto matrix_property(Eigen::MatrixXd Class::*member) {
 }
 
 void bind_beam(py::module_& module) {
-  py::class_<Harmonic>(module, "Harmonic",
-                       "amplitude cos(frequency t + phase); frequency >= 0 [rad/s].")
+  value_class<Harmonic>(module, "Harmonic",
+                        "amplitude cos(frequency t + phase); frequency >= 0 [rad/s].")
       .def(py::init(&make_harmonic), py::arg("amplitude") = 0.0, py::arg("frequency") = 0.0,
            py::arg("phase") = 0.0)
       .def_readonly("amplitude", &Harmonic::amplitude)
       .def_readonly("frequency", &Harmonic::frequency)
       .def_readonly("phase", &Harmonic::phase);
 
-  py::class_<Beam>(
+  value_class<Beam>(
       module, "Beam",
       "Clamped-free Euler-Bernoulli beam by its first modes: length [m], "
       "bending_stiffness EI [N m^2], mass_per_length [kg/m], damping [N s/m^2] or in its "
@@ -483,9 +485,9 @@ void bind_beam(py::module_& module) {
 }
 
 void bind_model(py::module_& module) {
-  py::class_<Contact>(module, "Contact",
-                      "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
-                      "restitution in [0, 1]; w has f entries.")
+  value_class<Contact>(module, "Contact",
+                       "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
+                       "restitution in [0, 1]; w has f entries.")
       .def(py::init(&make_contact), py::arg("w"), py::arg("restitution"),
            py::arg("clearance") = 0.0, py::arg("motion") = Harmonic{})
       .def_property_readonly("w", vector_property(&Contact::w))
@@ -496,8 +498,8 @@ void bind_model(py::module_& module) {
           "recorded", [](const Contact& contact) { return contact.input != nullptr; },
           "Whether a recorded input moves the support, too.");
 
-  py::class_<Force>(module, "Force",
-                    "f(t) += direction (constant + harmonic(t)); direction has f entries.")
+  value_class<Force>(module, "Force",
+                     "f(t) += direction (constant + harmonic(t)); direction has f entries.")
       .def(py::init(&make_force), py::arg("direction"), py::arg("constant") = 0.0,
            py::arg("harmonic") = Harmonic{})
       .def_property_readonly("direction", vector_property(&Force::direction))
@@ -507,9 +509,9 @@ void bind_model(py::module_& module) {
           "recorded", [](const Force& force) { return force.input != nullptr; },
           "Whether a recorded input is a part of the force, too.");
 
-  py::class_<Output>(module, "Output",
-                     "A quantity with a name: direction^T q, or with velocity direction^T u; "
-                     "direction has f entries.")
+  value_class<Output>(module, "Output",
+                      "A quantity with a name: direction^T q, or with velocity direction^T u; "
+                      "direction has f entries.")
       .def(py::init(&make_output), py::arg("name"), py::arg("direction"),
            py::arg("velocity") = false, py::arg("unit") = "")
       .def_readonly("name", &Output::name)
@@ -517,7 +519,7 @@ void bind_model(py::module_& module) {
       .def_readonly("velocity", &Output::velocity)
       .def_readonly("unit", &Output::unit, "As in the scene file; empty where not given.");
 
-  py::class_<Model, std::shared_ptr<Model>>(
+  value_class<Model, std::shared_ptr<Model>>(
       module, "Model",
       "M u' + C u + K q = W lambda + f(t), q' = u, f coordinates and at least one contact. M, C "
       "and "
@@ -562,7 +564,7 @@ void bind_model(py::module_& module) {
 }
 
 void bind_scene_parts(py::module_& module) {
-  py::class_<State>(module, "State", "Coordinates q and velocities u, f entries each.")
+  value_class<State>(module, "State", "Coordinates q and velocities u, f entries each.")
       .def(py::init([](Eigen::VectorXd q, Eigen::VectorXd u) {
              return State{std::move(q), std::move(u)};
            }),
@@ -570,17 +572,18 @@ void bind_scene_parts(py::module_& module) {
       .def_property_readonly("q", vector_property(&State::q))
       .def_property_readonly("u", vector_property(&State::u));
 
-  py::class_<Record>(module, "Record",
-                     "A recorded input: of is \"excitation\" or the key of its force, as "
-                     "\"force.2\"; n sample times t [s] and values, with the delay and the gain of "
-                     "the sensor: the frame's acceleration [m/s^2], or where displacement is true "
-                     "its motion [m], or the force.")
+  value_class<Record>(
+      module, "Record",
+      "A recorded input: of is \"excitation\" or the key of its force, as "
+      "\"force.2\"; n sample times t [s] and values, with the delay and the gain of "
+      "the sensor: the frame's acceleration [m/s^2], or where displacement is true "
+      "its motion [m], or the force.")
       .def_readonly("of", &Record::of)
       .def_readonly("displacement", &Record::displacement)
       .def_property_readonly("t", vector_property(&Record::t))
       .def_property_readonly("values", vector_property(&Record::values));
 
-  py::class_<ParameterUncertainty>(
+  value_class<ParameterUncertainty>(
       module, "ParameterUncertainty",
       "How uncertain parameters of a machine are, [parameters] of its scene: P standard "
       "deviations, "
@@ -591,7 +594,7 @@ void bind_scene_parts(py::module_& module) {
       .def_readonly("consider", &ParameterUncertainty::consider,
                     "Whether a filter only considers each, and never corrects it.");
 
-  py::class_<Tolerance>(
+  value_class<Tolerance>(
       module, "Tolerance",
       "Hard limits of deviations, [tolerance] of a scene, for which the bound on V is proven: "
       "time [s], of each event; restitution, absolute; stiffness and damping, as shares of K and "
@@ -606,7 +609,7 @@ void bind_scene_parts(py::module_& module) {
       .def_readonly("force", &Tolerance::force)
       .def_readonly("clearance", &Tolerance::clearance);
 
-  py::class_<KeptModes, std::shared_ptr<KeptModes>>(
+  value_class<KeptModes, std::shared_ptr<KeptModes>>(
       module, "KeptModes",
       "Coordinates of a scene that keeps some modes of N coordinates: q_given = Phi q, q = to_kept "
       "q_given.")
@@ -707,15 +710,11 @@ void bind_scene_values(SceneClass& of_scene) {
       .def_property_readonly(
           "tolerance", [](const Scene& scene) -> const Tolerance& { return scene.prior.tolerance; },
           py::return_value_policy::reference_internal,
-          "Hard limits of the deviations of machine and event times.")
-      .def("__repr__", [](const Scene& scene) {
-        return "<sprag.Scene " + scene.name + ": f = " + std::to_string(scene.model.coordinates()) +
-               ", m = " + std::to_string(scene.model.contacts.size()) + ">";
-      });
+          "Hard limits of the deviations of machine and event times.");
 }
 
 void bind_scene(py::module_& module) {
-  SceneClass of_scene(
+  SceneClass of_scene = value_class<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
       "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
       "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's "
@@ -747,11 +746,11 @@ void bind_scene(py::module_& module) {
            "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
            "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
            "uncertain parameters, a dict by their keys in scene files. Raises ValueError.")
+      .def_readonly("name", &Scene::name, "Name for people.")
       .def_property_readonly(
           "kept", [](const Scene& scene) { return scene.kept.get(); },
           py::return_value_policy::reference_internal,
-          "The KeptModes of a scene with system.modes; None: all coordinates are kept.")
-      .def_readonly("name", &Scene::name, "Name for people.");
+          "The KeptModes of a scene with system.modes; None: all coordinates are kept.");
   bind_scene_values(of_scene);
 }
 

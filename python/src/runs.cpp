@@ -18,6 +18,7 @@
 
 #include "python/src/arrays.h"
 #include "python/src/long_call.h"
+#include "python/src/members.h"
 #include "python/src/settings.h"
 #include "sprag/assessment.h"
 #include "sprag/energy.h"
@@ -130,8 +131,8 @@ void bind_simulation(py::module_& module) {
              "the rest are left out, nothing after damage is used: a RuntimeWarning reports both. "
              "Raises InputError.");
 
-  py::class_<Simulation>(module, "Simulation",
-                         "A machine's run. All arrays are read-only views; row k is tick k.")
+  value_class<Simulation>(module, "Simulation",
+                          "A machine's run. All arrays are read-only views; row k is tick k.")
       .def_property_readonly("events", array_property(&Simulation::events),
                              "Contact events in order: entries of event_dtype.")
       .def_property_readonly("t", array_property(&Simulation::t), "Times k h [s], n entries.")
@@ -150,7 +151,7 @@ void bind_simulation(py::module_& module) {
 }
 
 void bind_inconsistency(py::module_& module) {
-  py::class_<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
+  value_class<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
       .def_readonly("t", &Inconsistency::t, "[s]")
       .def_property_readonly(
           "contact", [](const Inconsistency& of) { return of.contact + 1; }, "From 1.")
@@ -158,17 +159,13 @@ void bind_inconsistency(py::module_& module) {
           "reason", [](const Inconsistency& of) { return name(of.suspicion); },
           "Likely cause: 'model' (model, uncertainty or event times are wrong), 'spurious event' "
           "or 'missing event'.")
-      .def_readonly("square", &Inconsistency::square, "Normalized innovation squared.")
-      .def("__repr__", [](const Inconsistency& of) {
-        return "<sprag.Inconsistency t = " + std::to_string(of.t) + ", contact " +
-               std::to_string(of.contact + 1) + ": " + name(of.suspicion) + ">";
-      });
+      .def_readonly("square", &Inconsistency::square, "Normalized innovation squared.");
 }
 
 void bind_estimates(py::module_& module) {
-  py::class_<Estimates>(module, "Estimates",
-                        "An observer's estimates of many ticks. All arrays are read-only views; "
-                        "row k is tick k. Sigmas have no columns without a timing filter.")
+  value_class<Estimates>(module, "Estimates",
+                         "An observer's estimates of many ticks. All arrays are read-only views; "
+                         "row k is tick k. Sigmas have no columns without a timing filter.")
       .def_property_readonly("t", array_property(&Estimates::t), "Times k h [s], n entries.")
       .def_property_readonly("q", array_property(&Estimates::q), "Coordinates, n x f.")
       .def_property_readonly("u", array_property(&Estimates::u), "Velocities, n x f.")
@@ -247,8 +244,8 @@ void bind_estimates(py::module_& module) {
 }
 
 void bind_estimate(py::module_& module) {
-  py::class_<Estimate>(module, "Estimate",
-                       "An observer's estimate of one tick. All arrays are read-only views.")
+  value_class<Estimate>(module, "Estimate",
+                        "An observer's estimate of one tick. All arrays are read-only views.")
       .def_readonly("tick", &Estimate::tick)
       .def_readonly("t", &Estimate::t, "tick h [s].")
       .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
@@ -345,6 +342,7 @@ struct Energies {
   Eigen::VectorXd V;
   Rows V_i;
 };
+SPRAG_MEMBERS(Energies, V, V_i)
 
 // n x columns; one state counts as one row.
 struct Given {
@@ -376,8 +374,8 @@ Energies energies_of(const Scene& scene, const Given& q_m, const Given& u_m, con
 }
 
 void bind_energies(py::module_& module) {
-  py::class_<Energies>(module, "Energies",
-                       "Synchronization error energy of many ticks. Arrays are read-only views.")
+  value_class<Energies>(module, "Energies",
+                        "Synchronization error energy of many ticks. Arrays are read-only views.")
       .def_property_readonly("V", array_property(&Energies::V), "n entries, >= 0.")
       .def_property_readonly("V_i", array_property(&Energies::V_i),
                              "Parts that belong to the natural modes, n x f; rows sum to V.");
@@ -421,7 +419,7 @@ Assessment check(const Scene& scene, std::optional<double> accuracy) {
 }
 
 void bind_check(py::module_& module) {
-  py::class_<Finding>(module, "Finding", "Result of one check.")
+  value_class<Finding>(module, "Finding", "Result of one check.")
       .def_readonly("id", &Finding::id, "Its short name.")
       .def_readonly("required", &Finding::required,
                     "Whether the replica's convergence requires it; others are for information.")
@@ -430,8 +428,8 @@ void bind_check(py::module_& module) {
       .def_readonly("provided", &Finding::provided,
                     "Condition that was not checked and on which it depends; or empty.")
       .def_readonly("change", &Finding::change, "Remedy; empty if none is needed.");
-  py::class_<Assessment>(module, "Assessment",
-                         "Whether a scene's replica will synchronize, and why. str() has it all.")
+  value_class<Assessment>(module, "Assessment",
+                          "Whether a scene's replica will synchronize, and why. str() has it all.")
       .def_property_readonly("synchronizes", &Assessment::synchronizes,
                              "Whether all required findings hold.")
       .def_property_readonly("verdict", &Assessment::verdict,

@@ -91,7 +91,9 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertEqual([o.unit for o in machine.model.outputs], ["", "m/s"])
         run = sprag.simulate(machine, 10.0)
         estimates = sprag.observe(machine, run.events, 10.0)
-        np.testing.assert_array_equal(estimates.outputs[:, 0], estimates.q[:, 0] - estimates.q[:, 1])
+        np.testing.assert_array_equal(
+            estimates.outputs[:, 0], estimates.q[:, 0] - estimates.q[:, 1]
+        )
         np.testing.assert_array_equal(estimates.outputs[:, 1], estimates.u[:, 1])
         self.assertAlmostEqual(estimates.sigma_outputs[0, 0], np.hypot(0.25, 0.5), 12)
         self.assertEqual(estimates.sigma_outputs.shape, estimates.outputs.shape)
@@ -162,7 +164,9 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertIsNone(ours.beam)
         self.assertEqual(scene().beam.modes, 3)
         self.assertIsNone(scene("bouncing_ball").beam)
-        self.assertEqual(repr(scene()), "<sprag.Scene paper_beam: f = 3, m = 1>")
+        self.assertRegex(
+            repr(scene()), "^<sprag.Scene name = .paper_beam., kept = None, f = 3, m = 1"
+        )
 
     def test_invalid_machines_are_refused(self):
         one, contact = [[1.0]], sprag.Contact([1.0], 0.5)

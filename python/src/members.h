@@ -1,0 +1,123 @@
+// Members of the library's classes that are values in Python, and of all that they contain.
+#pragma once
+
+#include "lcmtypes/state_codec.h"
+#include "python/src/values.h"
+#include "sprag/assessment.h"
+#include "sprag/beam.h"
+#include "sprag/detail/analysis/diagnosis.h"
+#include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/identification.h"
+#include "sprag/observer.h"
+#include "sprag/prediction.h"
+#include "sprag/reduction.h"
+#include "sprag/scene.h"
+#include "sprag/simulate.h"
+#include "sprag/smoother.h"
+
+namespace sprag {
+
+// ---- scenes
+SPRAG_MEMBERS(Harmonic, amplitude, frequency, phase)
+SPRAG_MEMBERS(Force, direction, constant, harmonic, input)
+SPRAG_MEMBERS(Contact, w, clearance, motion, restitution, replica_restitution, input, input_share)
+SPRAG_MEMBERS(Output, name, direction, velocity, unit)
+SPRAG_MEMBERS(Model, M, C, K, forces, contacts, law, chatter_time, outputs)
+SPRAG_MEMBERS(State, q, u)
+SPRAG_MEMBERS(Beam, modes, length, bending_stiffness, mass_per_length, damping, damping_ratio)
+SPRAG_MEMBERS(SampledInput::Settings, interpolation, outside, displacement, noise, name, gain,
+              delay)
+SPRAG_MEMBERS(ShakenFrame, influence, motion, force, on_ground, input)
+SPRAG_MEMBERS(KeptModes, modes, Phi, to_kept, stiffness, C, K, given_w)
+SPRAG_MEMBERS(ContactClock, offset, rate)
+SPRAG_MEMBERS(Tolerance, time, restitution, stiffness, damping, force, clearance)
+SPRAG_MEMBERS(Adaptation, free, within, walk)
+SPRAG_MEMBERS(ParameterUncertainty, keys, sigma, correlation, consider)
+SPRAG_MEMBERS(Prior, start, uncertainty, sigma, drift, jitter, tolerance, adaptation, parameters)
+SPRAG_MEMBERS(Truth, start, given, release_penetration)
+SPRAG_MEMBERS(Scene, name, model, beam, positions, frame, clock, kept, stream_duration, stream_unit,
+              prior, truth, remarks)
+
+// ---- runs
+SPRAG_MEMBERS(ContactEvent, t, contact, kind)
+SPRAG_MEMBERS(EventCounts, events, made_up, lost_records, skipped)
+SPRAG_MEMBERS(Simulation, events, t, q, u)
+SPRAG_MEMBERS(Inconsistency, t, contact, suspicion, square, known_loss)
+SPRAG_MEMBERS(ParameterEstimates, keys, values, sigmas, accepted, known, identifications)
+SPRAG_MEMBERS(Estimate, tick, t, q, u, closed, settled, of_filter, penetrating, sigma_q, sigma_u,
+              sigma_gap, outputs, sigma_outputs, bound, bound_q, bound_gap, bound_outputs,
+              parameters, inconsistencies, last)
+SPRAG_MEMBERS(Estimates, t, q, u, sigma_q, sigma_u, sigma_gap, outputs, sigma_outputs, bound,
+              bound_q, bound_gap, bound_outputs, of_filter, penetrating, keys, parameters,
+              sigma_parameters, counts, inconsistencies)
+SPRAG_MEMBERS(SmoothedStretch, from, to, events, misfit)
+SPRAG_MEMBERS(PredictedEvent, t, contact, kind, sigma)
+SPRAG_MEMBERS(Prediction, made_at, certain_until, events)
+
+// ---- estimates from the bus
+SPRAG_MEMBERS(Innovation, t, contact, gap, deviation)
+SPRAG_MEMBERS(Redundancy, closings, contact)
+SPRAG_MEMBERS(Confidence, has_replica, has_filter, from_filter, penetration, bound, sigma_q,
+              sigma_u, sigma_g, sigma_outputs, bound_q, bound_g, bound_outputs, refutations,
+              replica, filter, inconsistencies, last, scale_is_lost, forgotten, redundancy,
+              refused_impacts, parameters)
+SPRAG_MEMBERS(StateSample, session, utime, tick, t, q, u, closed)
+template <typename T>
+requires std::same_as<std::remove_const_t<T>, EstimateSample>
+auto members(T& sample) {
+  using Base = std::conditional_t<std::is_const_v<T>, const StateSample, StateSample>;
+  return std::tuple_cat(members(static_cast<Base&>(sample)),
+                        std::tie(sample.settled_tick, sample.confidence));
+}
+
+// ---- assessments
+SPRAG_MEMBERS(Definiteness, smallest, semidefinite, null_motions)
+SPRAG_MEMBERS(Directions, rank, condition, dependent)
+SPRAG_MEMBERS(OpposingStops, i, j, room)
+SPRAG_MEMBERS(Monotonicity, common, margin)
+SPRAG_MEMBERS(Mode, omega, contact, projection, seen, decades)
+SPRAG_MEMBERS(ContactUse, closings, share, last_share)
+SPRAG_MEMBERS(Trial, planned, duration, error, contacts, closings, longest_open, open_share, events,
+              growth)
+SPRAG_MEMBERS(FilterTrial, duration, closings, left, known_from)
+SPRAG_MEMBERS(ModalMachine, model, master, replica, observed, uncertainty)
+SPRAG_MEMBERS(Reduction, correction, modes, static_vectors, least_zeta, share, rms, machine)
+SPRAG_MEMBERS(Accuracy::Change, modes, change)
+SPRAG_MEMBERS(Accuracy, tolerance, duration, modes, changes, fewest, change)
+SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
+SPRAG_MEMBERS(Assessment, scene, coordinates, law, M, C, K, W, opposing, monotonicity, modes, path,
+              slow_root, decades, omega_max, moreau_tick, trial, filter, accuracy, findings)
+
+// ---- parameters
+SPRAG_MEMBERS(Parameter, quantity, contact, record, name, unit, nominal, lowest, highest, cyclic,
+              relative)
+SPRAG_MEMBERS(Candidate, parameter, determined, value, deviation, sensitivity, scatter, misfit,
+              gain, explained, fits, improved_by)
+SPRAG_MEMBERS(MissingImpact, t, contact)
+SPRAG_MEMBERS(Diagnosis, scene, closings, from, to, jitter, resolved, scatter, misfit,
+              largest_misfit, common_scatter, misfit_before, unsure, fits, candidates, missing,
+              spurious, rate_ambiguity, has_record, only_frequency)
+SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,
+              upper_limit)
+SPRAG_MEMBERS(FittedUnknown, unknown, value, sigma, determined, low, high, at_bound, partner,
+              correlation, of_record)
+SPRAG_MEMBERS(ClockAmbiguity, key, equals)
+SPRAG_MEMBERS(Combination, weights, sigma)
+SPRAG_MEMBERS(Passage, t, contact, staying)
+SPRAG_MEMBERS(Impact, t, contact, timed, event, held, staying, passed)
+SPRAG_MEMBERS(Stretch, start, impacts, closed, held)
+SPRAG_MEMBERS(Likelihood, values, x0, path, gamma, leverage, converged, squares, timed, freedom,
+              largest_start, violation, covariance, at_bound, x0_covariance)
+SPRAG_MEMBERS(DriftEstimate, drift, jitter, low, high, gain, changes, sigmas)
+SPRAG_MEMBERS(RestitutionScatter, scatter, jitter, gain, changes, sigmas, correlation, growth)
+SPRAG_MEMBERS(RestitutionTrend, trend, sigma, chi2_without, chi2_with, gain)
+SPRAG_MEMBERS(Departure, drift, scatter, trend, trend_beside, correlation)
+SPRAG_MEMBERS(RecordErrors, noise, resolution, start, noise_scatter, resolution_scatter,
+              other_scatter)
+SPRAG_MEMBERS(Identification, problem, misfit, culprit, unknowns, ambiguities, combinations, fitted,
+              jitter, jitter_given, scatter, chi2, largest_chi2, freedom, impacts, stretches,
+              events, left_out, spurious_left_out, from, to, interval, predicted, predicted_before,
+              first_squares, first_freedom, start, start_sigma, start_t, begins, inside_from,
+              inside_to, spurious, missing, likelihood, measured, departure, record_errors, others)
+
+}  // namespace sprag
