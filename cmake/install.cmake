@@ -52,9 +52,11 @@ if(SPRAG_PROGRAMS)
     foreach(program IN LISTS SPRAG_PROGRAM_TARGETS)
       sprag_man_page(sprag-${program} "sprag ${program}" $<TARGET_FILE:${program}>)
     endforeach()
+    # A program in Python imports the compiled part, if there is one.
     get_property(python_programs GLOBAL PROPERTY SPRAG_PYTHON_PROGRAMS)
     foreach(program IN LISTS python_programs)
-      sprag_man_page(sprag-${program} "sprag ${program}" ${PROJECT_BINARY_DIR}/tools/${program})
+      sprag_man_page(sprag-${program} "sprag ${program}" ${PROJECT_BINARY_DIR}/tools/${program}
+        $<$<TARGET_EXISTS:sprag_python>:sprag_python>)
     endforeach()
     add_custom_target(man_pages ALL DEPENDS ${man_pages})
     install(FILES ${man_pages} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 COMPONENT runtime)
