@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 #include <stdexcept>
+#include <stop_token>
 #include <string>
 #include <utility>
 
@@ -96,29 +97,33 @@ class Observer::Core {
     time_line_.set_horizon(t);
   }
 
-  std::vector<Estimate> settle() {
+  std::vector<Estimate> settle(const std::stop_token& stop) {
     std::vector<Estimate> estimates;
-    time_line_.run(
-        0, [](const auto&) {},
-        [&](const State& state) {
-          const bool complete = time_line_.complete_to(time_of(state.tick));
-          estimates.push_back(estimate(state, true, complete ? initial_bound_ : infinity));
-          settled_ = state;
-          identify_now(estimator_, state, identified_);
-          return true;
-        });
+    const auto ignore = [](const auto&) {};
+    const auto take = [&](const State& state) {
+      const bool complete = time_line_.complete_to(time_of(state.tick));
+      estimates.push_back(estimate(state, true, complete ? initial_bound_ : infinity));
+      settled_ = state;
+      identify_now(estimator_, state, identified_);
+      return true;
+    };
+    while (!stop.stop_requested() && !time_line_.run(0, ignore, take, ticks_between_checks)) {
+    }
     if (!estimates.empty()) ahead_.reset();
     return estimates;
   }
 
-  Estimate at(double t) {
+  Estimate at(double t, const std::stop_token& stop) {
     if (!(t >= time_of(settled_.tick)) || !std::isfinite(t)) {
       throw std::invalid_argument("no estimate at t = " + std::to_string(t) +
                                   ": it must be at or after the last settled tick");
     }
     const std::int64_t last = last_tick(t, tick());
     if (!ahead_ || ahead_->tick > last) start_ahead();
-    while (ahead_->tick < last) step_ahead();
+    while (ahead_->tick < last) {
+      if (stop.stop_requested()) throw Interrupted();
+      step_ahead();
+    }
     return estimate(*ahead_, false, infinity);
   }
 
@@ -133,6 +138,7 @@ class Observer::Core {
   using State = TrackingState;
   // Settled ticks are never rolled back.
   static constexpr std::int64_t history = 1;
+  static constexpr std::int64_t ticks_between_checks = 16;  // of the stop token
 
   static bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
   // Inserts after the events of the same instant.
@@ -253,8 +259,8 @@ Observer& Observer::operator=(Observer&&) noexcept = default;
 
 bool Observer::take(const ContactEvent& event) { return core_->take(event); }
 void Observer::set_horizon(double t) { core_->set_horizon(t); }
-std::vector<Estimate> Observer::settle() { return core_->settle(); }
-Estimate Observer::at(double t) { return core_->at(t); }
+std::vector<Estimate> Observer::settle(std::stop_token stop) { return core_->settle(stop); }
+Estimate Observer::at(double t, std::stop_token stop) { return core_->at(t, stop); }
 void Observer::set_end(double t) { core_->set_end(t); }
 double Observer::tick() const { return core_->tick(); }
 const EventCounts& Observer::counts() const { return core_->events().counts(); }

@@ -104,8 +104,10 @@ class Observer {
   void set_end(double t);
 
   /// \brief Returns the estimates of the ticks that have settled since the last call.
+  ///
+  /// After a stop request it returns those that it has computed; the next call continues.
   /// \return settled estimates, in order.
-  std::vector<Estimate> settle();
+  std::vector<Estimate> settle(std::stop_token stop = {});
 
   /// \brief Provisional estimate from all events taken so far.
   ///
@@ -114,7 +116,8 @@ class Observer {
   /// \param t [s].
   /// \return the estimate at the last tick at or before t.
   /// \throws std::invalid_argument if t is before the last settled tick or not finite.
-  Estimate at(double t);
+  /// \throws Interrupted if `stop` was requested; the observer can be used further.
+  Estimate at(double t, std::stop_token stop = {});
 
   /// \brief Step h.
   /// \return h [s].

@@ -72,10 +72,24 @@ class SharedObserver {
     locked([&] { observer_.set_horizon(t); });
   }
   std::vector<Estimate> settle() {
-    return locked([&] { return observer_.settle(); });
+    const InterruptRelay relay;
+    std::vector<Estimate> estimates = locked([&] {
+      for (Estimate& estimate : observer_.settle(relay.token())) {
+        unreturned_.push_back(std::move(estimate));
+      }
+      if (relay.token().stop_requested()) return std::vector<Estimate>();
+      return std::exchange(unreturned_, {});
+    });
+    if (relay.token().stop_requested()) raise_interrupt();
+    return estimates;
   }
   Estimate at(double t) {
-    return locked([&] { return observer_.at(t); });
+    const InterruptRelay relay;
+    try {
+      return locked([&] { return observer_.at(t, relay.token()); });
+    } catch (const Interrupted&) {
+      raise_interrupt();
+    }
   }
   double tick() const { return observer_.tick(); }
   EventCounts counts() {
@@ -86,6 +100,7 @@ class SharedObserver {
   std::size_t contacts_;
   std::mutex mutex_;
   Observer observer_;
+  std::vector<Estimate> unreturned_;  // settled by calls that Ctrl-C has ended
 };
 
 // Number of skipped events by the reason, in the words of Skip.

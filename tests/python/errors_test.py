@@ -136,6 +136,28 @@ class ErrorsTest(unittest.TestCase):
         # The next call is not interrupted.
         self.assertEqual(len(sprag.simulate(scene(), 1.0).t), 101)
 
+    def interrupted(self, call, after):
+        timer = threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT))
+        timer.start()
+        with self.assertRaises(KeyboardInterrupt):
+            call()
+            time.sleep(60.0)  # if the call has ended first
+        timer.join()
+
+    def test_ctrl_c_ends_calls_of_an_observer(self):
+        observer = sprag.Observer(scene("stiff_beam"), tick=1e-2)
+        observer.set_horizon(1e8)
+        # The calls would take hours.
+        self.interrupted(observer.settle, 0.3)
+        self.interrupted(lambda: observer.at(2e8), 0.3)
+
+    def test_ctrl_c_loses_no_tick(self):
+        observer = sprag.Observer(scene("stiff_beam"), tick=1e-2)
+        observer.set_horizon(1e3)
+        self.interrupted(observer.settle, 0.05)
+        ticks = [estimate.tick for estimate in observer.settle()]
+        self.assertEqual(ticks, list(range(100_001)))
+
 
 if __name__ == "__main__":
     unittest.main()
