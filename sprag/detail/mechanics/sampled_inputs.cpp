@@ -144,14 +144,6 @@ void SampledInputs::add_force(double t, double weight, Eigen::Ref<Eigen::VectorX
   }
 }
 
-void SampledInputs::add_force_rate(double t, Eigen::Ref<Eigen::VectorXd> rate) const {
-  for (Eigen::Index c = 0; c < channels(); ++c) {
-    const SampledInput& input = channel(c);
-    const std::size_t k = input.interval(t);
-    rate += input.derivatives(k, t - input.knots()[k])[3] * forces_.col(c);
-  }
-}
-
 SampledResponse::SampledResponse(const SampledInputs& inputs, const Eigen::VectorXd& delta,
                                  const Eigen::VectorXd& kappa, const Eigen::MatrixXd& forces,
                                  Eigen::Index first, Eigen::Index first_mode)

@@ -62,9 +62,8 @@ class SampledInputs {
   void derivatives(std::size_t k, double tau, double* of) const;
   /// Derivatives of input c at knot k.
   InputDerivatives at_knot(std::size_t k, Eigen::Index c) const;
-  /// Adds f(t) and f'(t) of the inputs, f entries each.
+  /// Adds `weight` f(t) of the inputs, f entries.
   void add_force(double t, double weight, Eigen::Ref<Eigen::VectorXd> force) const;
-  void add_force_rate(double t, Eigen::Ref<Eigen::VectorXd> rate) const;
 
  private:
   std::vector<SampledInputPointer> channels_;

@@ -19,8 +19,8 @@ namespace sprag {
 /// A contact that closes.
 struct Closing {
   int contact = 0;
-  double epsilon = 0.0;                                           ///< 0 if it stays closed
-  double gamma = 0.0, gamma_rate = 0.0, gamma_second_rate = 0.0;  ///< before the impact
+  double epsilon = 0.0;                  ///< 0 if it stays closed
+  double gamma = 0.0, gamma_rate = 0.0;  ///< before the impact
 };
 
 /// Impact of one contact while others are held (gamma = 0), by the impact law itself. The law is
