@@ -104,8 +104,7 @@ class Observer {
   void set_end(double t);
 
   /// \brief Returns the estimates of the ticks that have settled since the last call.
-  ///
-  /// After a stop request it returns those that it has computed; the next call continues.
+  /// \param stop after a request the function returns what it has computed; the next continues.
   /// \return settled estimates, in order.
   std::vector<Estimate> settle(std::stop_token stop = {});
 
@@ -114,6 +113,7 @@ class Observer {
   /// The cost is that of the ticks since the last call, or since the last settled tick after an
   /// event that was older than the last call's estimate.
   /// \param t [s].
+  /// \param stop ends the call.
   /// \return the estimate at the last tick at or before t.
   /// \throws std::invalid_argument if t is before the last settled tick or not finite.
   /// \throws Interrupted if `stop` was requested; the observer can be used further.

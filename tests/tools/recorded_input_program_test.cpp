@@ -131,7 +131,7 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   const std::string given = copy("outside = \"hold\"");
   const Ended ended =
       run(IDENTIFY, {path("events.csv"), given, "--free", "excitation.gain,excitation.delay",
-                     "--output", path("fitted.toml"), "--json"});
+                     "--within", "excitation.gain=0.3", "--output", path("fitted.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   const auto json = nlohmann::json::parse(ended.out);
   const auto& found = json["parameters"];
