@@ -29,7 +29,6 @@ from ._version import __version__
 EXIT_DONE = 0
 EXIT_FAILED = 1
 EXIT_USAGE = 2
-EXIT_VERDICT = 3
 
 DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
 
@@ -177,27 +176,18 @@ def scenes_folder() -> Path | None:
 
 def scene_file(given: str) -> Read:
     """File of a scene that is given by its file or by its name among the shipped ones."""
-    return _shipped(given, scenes_folder(), SceneError)
-
-
-def study_file(given: str) -> Read:
-    """File of a study that is given by its file or by its name among the shipped ones."""
-    scenes = scenes_folder()
-    return _shipped(given, scenes / "studies" if scenes else None, InputError)
-
-
-def _shipped(given: str, folder: Path | None, error: type[Error]) -> Read:
     if os.path.exists(given):
         return Read(given)
+    folder = scenes_folder()
     if folder is None:
-        raise error(f"{given}: cannot be read: no such file")
+        raise SceneError(f"{given}: cannot be read: no such file")
     if re.fullmatch(r"[\w-]+", given) and os.path.isfile(folder / f"{given}.toml"):
         return Read(folder / f"{given}.toml")
     shipped = sorted(file.stem for file in folder.glob("*.toml"))
     problem = f"{given}: cannot be read: no such file, and none of this name in {folder}"
     if near := difflib.get_close_matches(given.removesuffix(".toml"), shipped, n=1):
-        raise error(f"{problem}; did you mean {near[0]}?")
-    raise error(choose(problem, shipped))
+        raise SceneError(f"{problem}; did you mean {near[0]}?")
+    raise SceneError(choose(problem, shipped))
 
 
 def say(program: str, message: str) -> None:
@@ -222,12 +212,12 @@ def require(module: str, package: str, purpose: str) -> ModuleType:
 
 
 def require_compiled(purpose: str) -> ModuleType:
-    """The compiled part of this package. Raises Error, if it is missing, with its Debian package."""
+    """The compiled part of this package. Raises Error with its Debian package if it is missing."""
     try:
         return importlib.import_module("._core", __package__)
     except ModuleNotFoundError:
         raise Error(
-            f"{purpose} needs the compiled part of the Python package sprag; install python3-sprag, "
+            f"{purpose} needs the compiled part of the Python package sprag; install python3-sprag "
             "or build with SPRAG_PYTHON"
         ) from None
 

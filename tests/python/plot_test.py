@@ -1,4 +1,4 @@
-"""plot: figures show the data of files and results; names are text; damage and failures are told.
+"""plot: figures show the data of files and results; names are text; damage and failures are named.
 
 Without the compiled part of the package.
 """
