@@ -26,7 +26,9 @@ ROOT = Path(__file__).resolve().parent.parent
 PAGES = ["README.md", "docs/**/*.md", "data/README.md", "python/README.md", "scripts/README.md"]
 PYTHON_PAGE = "python_reference"
 FENCE = re.compile(r"^ *```")
-DECLARATORS = re.compile(r"( +)([\w:]+(?:<[^;()]*>)?) (\w+(?: = [^,;]+)?(?:, \w+(?: = [^,;]+)?)+);(?: *///<(.*))?")
+DECLARATORS = re.compile(
+    r"( +)([\w:]+(?:<[^;()]*>)?) (\w+(?: = [^,;]+)?(?:, \w+(?: = [^,;]+)?)+);(?: *///<(.*))?"
+)
 
 
 def name_of(page: Path) -> str:
@@ -85,7 +87,9 @@ def filtered(page: Path) -> str:
                 line += " {#" + ("mainpage" if name_of(page) == "index" else name_of(page)) + "}"
             else:
                 anchor = ascii_of(anchors.of(heading[2]))
-                line = f"{heading[1]} {replace_links(page, heading[2])} {{#{name_of(page)}-{anchor}}}"
+                line = (
+                    f"{heading[1]} {replace_links(page, heading[2])} {{#{name_of(page)}-{anchor}}}"
+                )
         lines.append(line)
     return "\n".join(lines)
 
@@ -141,7 +145,9 @@ def text_of(argument: str) -> str | None:
     """The value of an argument that is a string literal."""
     if not re.fullmatch(r'(?:"(?:[^"\\]|\\.)*"\s*)+', argument, re.S):
         return None
-    return "".join(ast.literal_eval(part) for part in re.findall(r'"(?:[^"\\]|\\.)*"', argument, re.S))
+    return "".join(
+        ast.literal_eval(part) for part in re.findall(r'"(?:[^"\\]|\\.)*"', argument, re.S)
+    )
 
 
 def binding_docs() -> dict[str, str]:
@@ -150,7 +156,9 @@ def binding_docs() -> dict[str, str]:
     for file in sorted((ROOT / "python" / "src").glob("*.cpp")):
         source = re.sub(r"^\s*//.*$", "", file.read_text(encoding="utf-8"), flags=re.M)
         of = ""
-        for found in re.finditer(r"py::class_<[^;{]*?>\s*(?:\w+\s*)?(\()|\bmodule\s*\.def(\()|\.def\w*(\()", source):
+        for found in re.finditer(
+            r"py::class_<[^;{]*?>\s*(?:\w+\s*)?(\()|\bmodule\s*\.def(\()|\.def\w*(\()", source
+        ):
             at = next(found.start(k) for k in (1, 2, 3) if found[k])
             texts = [text_of(argument) for argument in arguments_of(source, at)]
             names = [text for text in texts if text is not None]
@@ -167,7 +175,9 @@ def signature(function: ast.FunctionDef, aliases: dict[str, ast.expr], of: str =
     arguments = function.args
     for argument in [*arguments.args, *arguments.kwonlyargs]:
         if argument.annotation is not None:
-            argument.annotation = ast.parse(resolved(argument.annotation, aliases), mode="eval").body
+            argument.annotation = ast.parse(
+                resolved(argument.annotation, aliases), mode="eval"
+            ).body
     if of and arguments.args and arguments.args[0].arg == "self":
         arguments.args = arguments.args[1:]
     if function.name == "__init__":
@@ -179,11 +189,14 @@ def signature(function: ast.FunctionDef, aliases: dict[str, ast.expr], of: str =
 def escaped(text: str) -> str:
     """Markdown that shows the text as it is, with the code spans that it has."""
     parts = " ".join(text.split()).split("`")
-    return "`".join(part if i % 2 else re.sub(r"([\\*#|<>@~&])", r"\\\1", part) for i, part in enumerate(parts))
+    return "`".join(
+        part if i % 2 else re.sub(r"([\\*#|<>@~&])", r"\\\1", part) for i, part in enumerate(parts)
+    )
 
 
 def resolved(annotation: ast.expr, aliases: dict[str, ast.expr]) -> str:
     """The annotation with the stub's own names for types replaced by these."""
+
     class Names(ast.NodeTransformer):
         def visit_Name(self, node: ast.Name) -> ast.expr:
             return aliases.get(node.id, node)
@@ -194,16 +207,43 @@ def resolved(annotation: ast.expr, aliases: dict[str, ast.expr]) -> str:
 def python_page() -> str:
     package = ROOT / "python" / "sprag"
     docs = binding_docs()
-    trees = {name: ast.parse((package / name).read_text(encoding="utf-8"))
-             for name in ("__init__.py", "_core.pyi", "_errors.py", "_events.py", "_studies.py", "study.py",
-                          "_tolerance.py")}
-    public = next(ast.literal_eval(node.value) for node in trees["__init__.py"].body
-                  if isinstance(node, ast.Assign) and node.targets[0].id == "__all__")
-    aliases = {node.targets[0].id: node.value for node in trees["_core.pyi"].body if isinstance(node, ast.Assign)}
-    found = {node.name: node for name, tree in trees.items() if name != "__init__.py" for node in tree.body
-             if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.name in public}
-    lines = ["# Python reference {#" + PYTHON_PAGE + "}", "", escaped(ast.get_docstring(trees["__init__.py"])), "",
-             "[How to use the package](python_readme.html)", ""]
+    trees = {
+        name: ast.parse((package / name).read_text(encoding="utf-8"))
+        for name in (
+            "__init__.py",
+            "_core.pyi",
+            "_errors.py",
+            "_events.py",
+            "_studies.py",
+            "study.py",
+            "_tolerance.py",
+        )
+    }
+    public = next(
+        ast.literal_eval(node.value)
+        for node in trees["__init__.py"].body
+        if isinstance(node, ast.Assign) and node.targets[0].id == "__all__"
+    )
+    aliases = {
+        node.targets[0].id: node.value
+        for node in trees["_core.pyi"].body
+        if isinstance(node, ast.Assign)
+    }
+    found = {
+        node.name: node
+        for name, tree in trees.items()
+        if name != "__init__.py"
+        for node in tree.body
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.name in public
+    }
+    lines = [
+        "# Python reference {#" + PYTHON_PAGE + "}",
+        "",
+        escaped(ast.get_docstring(trees["__init__.py"])),
+        "",
+        "[How to use the package](python_readme.html)",
+        "",
+    ]
     for kind, title in ((ast.FunctionDef, "Functions"), (ast.ClassDef, "Classes")):
         lines += [f"## {title} {{#{PYTHON_PAGE}-{title.lower()}}}", ""]
         for name in sorted(name for name, node in found.items() if isinstance(node, kind)):
@@ -213,18 +253,33 @@ def python_page() -> str:
             if isinstance(node, ast.FunctionDef):
                 lines += ["```{.unparsed}", signature(node, aliases), "```", "", escaped(text), ""]
                 continue
-            inits = [member for member in node.body if isinstance(member, ast.FunctionDef) and member.name == "__init__"]
+            inits = [
+                member
+                for member in node.body
+                if isinstance(member, ast.FunctionDef) and member.name == "__init__"
+            ]
             for init in inits:
                 lines += ["```{.unparsed}", signature(init, aliases, name), "```", ""]
             lines += [escaped(text), ""]
-            members = [member for member in node.body if isinstance(member, ast.FunctionDef)
-                       and not member.name.startswith("_")]
+            members = [
+                member
+                for member in node.body
+                if isinstance(member, ast.FunctionDef) and not member.name.startswith("_")
+            ]
             if members:
                 lines += ["| member | type | |", "|---|---|---|"]
             for member in members:
-                is_property = any(isinstance(d, ast.Name) and d.id == "property" for d in member.decorator_list)
-                shown = member.name if is_property else signature(member, aliases, name).partition(" -> ")[0]
-                returned = resolved(member.returns, aliases).replace("|", "or") if member.returns else ""
+                is_property = any(
+                    isinstance(d, ast.Name) and d.id == "property" for d in member.decorator_list
+                )
+                shown = (
+                    member.name
+                    if is_property
+                    else signature(member, aliases, name).partition(" -> ")[0]
+                )
+                returned = (
+                    resolved(member.returns, aliases).replace("|", "or") if member.returns else ""
+                )
                 shown = shown.replace("|", "or")
                 member_text = ast.get_docstring(member) or docs.get(f"{name}.{member.name}", "")
                 lines.append(f"| `{shown}` | `{returned}` | {escaped(member_text)} |")
@@ -282,8 +337,13 @@ def main() -> int:
         case ["filter", page]:
             page = Path(os.path.abspath(page))
             is_made = page.stem == PYTHON_PAGE
-            sys.stdout.write(filtered_header(page) if page.suffix == ".h" else
-                             page.read_text(encoding="utf-8") if is_made else filtered(page))
+            sys.stdout.write(
+                filtered_header(page)
+                if page.suffix == ".h"
+                else page.read_text(encoding="utf-8")
+                if is_made
+                else filtered(page)
+            )
         case ["python"]:
             print(python_page())
         case ["finish", site]:

@@ -7,8 +7,22 @@ import socket
 import subprocess
 import time
 
-from support import (BrowserCase, LiveCase, ask, estimates, free_url, last_health, main, open_stream,
-                     resident_kb, rows, scene, text_message, upgrade, wait_for)
+from support import (
+    BrowserCase,
+    LiveCase,
+    ask,
+    estimates,
+    free_url,
+    last_health,
+    main,
+    open_stream,
+    resident_kb,
+    rows,
+    scene,
+    text_message,
+    upgrade,
+    wait_for,
+)
 
 
 class GatewayTest(LiveCase):
@@ -31,20 +45,37 @@ class GatewayTest(LiveCase):
         self.assertEqual(ask(address, "HEAD")[0], 200)
         self.assertEqual(ask(address, "HEAD")[2], b"")
         self.assertEqual(ask(address, host=f"localhost:{port}")[0], 200)
-        for host in ("evil.example", f"evil.example:{port}", f"127.0.0.1.evil.example:{port}",
-                     f"127.0.0.1:{port}.evil.example", f"localhost.evil.example:{port}", "127.0.0.1",
-                     f"127.0.0.1:{port + 1}", f"127.0.0.2:{port}", f"user@127.0.0.1:{port}"):
+        for host in (
+            "evil.example",
+            f"evil.example:{port}",
+            f"127.0.0.1.evil.example:{port}",
+            f"127.0.0.1:{port}.evil.example",
+            f"localhost.evil.example:{port}",
+            "127.0.0.1",
+            f"127.0.0.1:{port + 1}",
+            f"127.0.0.2:{port}",
+            f"user@127.0.0.1:{port}",
+        ):
             with self.subTest(host=host):
                 self.assertEqual(ask(address, host=host)[0], 403)
         self.assertIn(ask(address, host=False)[0], (400, 403))
         here = f"127.0.0.1:{port}"
-        self.assertIn(ask(address, headers=[f"Host: {here}"])[0], (400, 403))  # a second Host header
+        self.assertIn(
+            ask(address, headers=[f"Host: {here}"])[0], (400, 403)
+        )  # a second Host header
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
             with self.subTest(method=method):
                 status, headers, _ = ask(address, method)
                 self.assertEqual(status, 405)
                 self.assertNotIn("access-control-allow-origin", headers)
-        for target in ("/../../etc/passwd", "/%2e%2e/etc/passwd", "/index.html~", "/page.js/", "//", "/etc/passwd"):
+        for target in (
+            "/../../etc/passwd",
+            "/%2e%2e/etc/passwd",
+            "/index.html~",
+            "/page.js/",
+            "//",
+            "/etc/passwd",
+        ):
             with self.subTest(target=target):
                 status, _, body = ask(address, target=target)
                 self.assertEqual(status, 404)
@@ -54,21 +85,44 @@ class GatewayTest(LiveCase):
         address = self.start_view().address
         here = "127.0.0.1:{}".format(address[1])
         self.assertEqual(ask(address, target="/stream", headers=upgrade(f"http://{here}"))[0], 101)
-        for origin in (None, "null", "http://evil.example", f"http://evil.example:{address[1]}",
-                       f"https://{here}", "http://127.0.0.1", f"http://{here}.evil.example",
-                       f"http://{here}/", f"http://127.0.0.1:{address[1] + 1}"):
+        for origin in (
+            None,
+            "null",
+            "http://evil.example",
+            f"http://evil.example:{address[1]}",
+            f"https://{here}",
+            "http://127.0.0.1",
+            f"http://{here}.evil.example",
+            f"http://{here}/",
+            f"http://127.0.0.1:{address[1] + 1}",
+        ):
             with self.subTest(origin=origin):
                 self.assertEqual(ask(address, target="/stream", headers=upgrade(origin))[0], 403)
         self.assertEqual(
-            ask(address, target="/stream", host="evil.example", headers=upgrade("http://evil.example"))[0], 403)
+            ask(
+                address,
+                target="/stream",
+                host="evil.example",
+                headers=upgrade("http://evil.example"),
+            )[0],
+            403,
+        )
         self.assertNotEqual(ask(address, target="/", headers=upgrade(f"http://{here}"))[0], 101)
-        self.assertNotEqual(ask(address, "POST", "/stream", headers=upgrade(f"http://{here}"))[0], 101)
+        self.assertNotEqual(
+            ask(address, "POST", "/stream", headers=upgrade(f"http://{here}"))[0], 101
+        )
         self.assertEqual(ask(address, target="/stream")[0], 426)
 
     def test_invalid_requests_are_refused_without_effect(self):
         view = self.start_view()
-        for rubbish in (b"\0" * 5000, b"GET\r\n\r\n", b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
-                        b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n", b"", b"\x16\x03\x01\x02\x00"):
+        for rubbish in (
+            b"\0" * 5000,
+            b"GET\r\n\r\n",
+            b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
+            b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n",
+            b"",
+            b"\x16\x03\x01\x02\x00",
+        ):
             with socket.create_connection(view.address) as connection:
                 try:
                     connection.sendall(rubbish)
@@ -76,10 +130,23 @@ class GatewayTest(LiveCase):
                     pass  # refused before the request was complete
         # An invalid message of the page has no effect; a too long one ends the stream.
         stream = open_stream(view.address)
-        for text in ("", "{", "[]", "null", '{"seen":"x"}', '{"seen":-1}', '{"seen":1e300}', '{"view":3}',
-                     '{"view":{"from":1,"to":0}}', '{"view":{"from":"a","to":null}}',
-                     '{"view":{"window":-1}}', '{"view":{"window":1e308,"pixels":1e308}}',
-                     '{"view":{"pixels":0}}', '{"view":{"quantity":"nothing"}}', "[" * 3000):
+        for text in (
+            "",
+            "{",
+            "[]",
+            "null",
+            '{"seen":"x"}',
+            '{"seen":-1}',
+            '{"seen":1e300}',
+            '{"view":3}',
+            '{"view":{"from":1,"to":0}}',
+            '{"view":{"from":"a","to":null}}',
+            '{"view":{"window":-1}}',
+            '{"view":{"window":1e308,"pixels":1e308}}',
+            '{"view":{"pixels":0}}',
+            '{"view":{"quantity":"nothing"}}',
+            "[" * 3000,
+        ):
             stream.sendall(text_message(text))
         self.assertTrue(stream.recv(10))
         stream.close()
@@ -121,7 +188,9 @@ class GatewayTest(LiveCase):
         # Half of the clients keep requesting, and read nothing.
         for _ in range(100):
             for stream in slow[::2]:
-                stream.sendall(text_message('{"seen":999999999,"view":{"window":20,"pixels":4000}}'))
+                stream.sendall(
+                    text_message('{"seen":999999999,"view":{"window":20,"pixels":4000}}')
+                )
             self.assertGreater(take(0.02), -1)
         self.assertGreater(take(1.0), 10_000)
         self.assertLess(resident_kb(view) - before, 8_000)
@@ -186,7 +255,9 @@ class PageTest(BrowserCase):
         self.assertEqual(page.js("sprag.frame.badge"), "waiting")
         self.start_run(duration="6", speed="1.5", record=True)
         samples = []
-        wait_for("the last tick", lambda: samples.append(page.js(SHOWN)) or samples[-1]["tick"] == "1200")
+        wait_for(
+            "the last tick", lambda: samples.append(page.js(SHOWN)) or samples[-1]["tick"] == "1200"
+        )
         wait_for("the last V", lambda: page.js(SHOWN)["vTick"] == "1200")
         self.end_run()
         page.wait("the observer's last word", "sprag.health.observer && sprag.health.observer.last")
@@ -206,7 +277,10 @@ class PageTest(BrowserCase):
         def extremes_are_shown():
             V = [value for value in page.js("sprag.curves.energy.V") if value is not None]
             inside = [value for t, value in by_time.items() if t >= page.js("sprag.curves.from")]
-            return all(any(abs(v - value) <= 1e-5 * value for v in V) for value in (min(inside), max(inside)))
+            return all(
+                any(abs(v - value) <= 1e-5 * value for v in V)
+                for value in (min(inside), max(inside))
+            )
 
         # Curves are sent less often than values: the last ones may be under way.
         wait_for("the extremes of V", extremes_are_shown)
@@ -220,9 +294,18 @@ class PageTest(BrowserCase):
             self.assertEqual(shown[name], count, name)
         self.assertEqual(shown["refused"], refused)
         self.assertEqual(counts["ticks"], 1201)
-        texts = page.js("""Object.fromEntries([...document.querySelectorAll('#health dd')]
-            .map((e) => [e.id, e.dataset.value]))""")
-        for name in ("events", "late_events", "lost_events", "rollbacks", "inconsistencies", "messages"):
+        texts = page.js(
+            """Object.fromEntries([...document.querySelectorAll('#health dd')]
+            .map((e) => [e.id, e.dataset.value]))"""
+        )
+        for name in (
+            "events",
+            "late_events",
+            "lost_events",
+            "rollbacks",
+            "inconsistencies",
+            "messages",
+        ):
             self.assertEqual(texts["health-" + name.replace("_", "-")], str(counts[name]))
         self.expect_quiet(page)
 
@@ -254,7 +337,10 @@ class PageTest(BrowserCase):
         self.start_run(name="lab_rig", speed="1")
         page.wait("an estimate", "sprag.frame.settled")
         self.assertAlmostEqual(page.js("sprag.scene.period"), 1 / 4.5)
-        page.wait("the window", "sprag.view.window === 5 && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001")
+        page.wait(
+            "the window",
+            "sprag.view.window === 5 && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001",
+        )
         page.choose("window", "50")
         page.wait("the chosen window", "sprag.curves.to - sprag.curves.from > 49")
         self.expect_quiet(page)
@@ -262,12 +348,28 @@ class PageTest(BrowserCase):
     def test_window_of_a_recording_follows_the_period(self):
         # 30 periods at 4.5 Hz are 6.7 s, also at a speed at which 2 s of wall time are 16 s of the machine.
         events = self.file("events.csv")
-        subprocess.run([os.environ["MASTER_SIM"], scene("lab_rig"), "--no-lcm", "--speed", "max", "--duration", "20",
-                        "--events", events], check=True, capture_output=True)
+        subprocess.run(
+            [
+                os.environ["MASTER_SIM"],
+                scene("lab_rig"),
+                "--no-lcm",
+                "--speed",
+                "max",
+                "--duration",
+                "20",
+                "--events",
+                events,
+            ],
+            check=True,
+            capture_output=True,
+        )
         for speed in ("8", "max"):
             view = self.start_view("--replay", events, "--speed", speed, name="lab_rig", bus=False)
             page = self.open_page(view.address)
-            page.wait("the window", "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001")
+            page.wait(
+                "the window",
+                "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001",
+            )
             self.assertEqual(page.js("sprag.view.window"), 5)
             self.end(view)
 
@@ -276,28 +378,72 @@ class PageTest(BrowserCase):
         with open(scene()) as nominal, open(tolerant, "w") as own:
             own.write(nominal.read() + "\n[tolerance]\ntime = 1e-4\n")
         events = self.file("events.csv")
-        subprocess.run([os.environ["MASTER_SIM"], tolerant, "--no-lcm", "--speed", "max", "--duration", "8",
-                        "--events", events], check=True, capture_output=True)
-        view = self.start_view("--replay", events, "--speed", "8", name=tolerant.removesuffix(".toml"), bus=False)
+        subprocess.run(
+            [
+                os.environ["MASTER_SIM"],
+                tolerant,
+                "--no-lcm",
+                "--speed",
+                "max",
+                "--duration",
+                "8",
+                "--events",
+                events,
+            ],
+            check=True,
+            capture_output=True,
+        )
+        view = self.start_view(
+            "--replay", events, "--speed", "8", name=tolerant.removesuffix(".toml"), bus=False
+        )
         page = self.open_page(view.address)
         hidden = "document.getElementById('guaranteed-legend').hidden"
-        page.wait("the band", f"sprag.over && !{hidden} && sprag.curves.guaranteed.low.some((y) => y !== null)")
+        page.wait(
+            "the band",
+            f"sprag.over && !{hidden} && sprag.curves.guaranteed.low.some((y) => y !== null)",
+        )
         shown = page.js("sprag.curves.guaranteed")
-        self.assertTrue(all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None))
+        self.assertTrue(
+            all(low <= high for low, high in zip(shown["low"], shown["high"]) if low is not None)
+        )
         self.expect_quiet(page)
 
     def test_innovations_are_shown_in_place_of_an_unknown_V(self):
         # An events file has no true states, like a real machine.
         events, states = self.file("events.csv"), self.file("states.csv")
-        subprocess.run([os.environ["MASTER_SIM"], scene("lab_rig"), "--no-lcm", "--speed", "max", "--duration", "20",
-                        "--events", events], check=True, capture_output=True)
-        subprocess.run([os.environ["OBSERVER"], scene("lab_rig"), "--replay", events, "--states", states],
-                       check=True, capture_output=True)
-        wanted = {float(row["closing_t"]): float(row["filter_gap"]) / float(row["sigma_filter_gap"])
-                  for row in rows(states) if float(row["sigma_filter_gap"]) > 0.0}
-        page = self.open_page(self.start_view("--replay", events, "--speed", "max", name="lab_rig", bus=False).address)
+        subprocess.run(
+            [
+                os.environ["MASTER_SIM"],
+                scene("lab_rig"),
+                "--no-lcm",
+                "--speed",
+                "max",
+                "--duration",
+                "20",
+                "--events",
+                events,
+            ],
+            check=True,
+            capture_output=True,
+        )
+        subprocess.run(
+            [os.environ["OBSERVER"], scene("lab_rig"), "--replay", events, "--states", states],
+            check=True,
+            capture_output=True,
+        )
+        wanted = {
+            float(row["closing_t"]): float(row["filter_gap"]) / float(row["sigma_filter_gap"])
+            for row in rows(states)
+            if float(row["sigma_filter_gap"]) > 0.0
+        }
+        page = self.open_page(
+            self.start_view("--replay", events, "--speed", "max", name="lab_rig", bus=False).address
+        )
         page.choose("window", "50")
-        page.wait("all of the recording", "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from === 50")
+        page.wait(
+            "all of the recording",
+            "sprag.over && sprag.curves && sprag.curves.to - sprag.curves.from === 50",
+        )
         shown = page.js("sprag.curves.innovation")
         self.assertEqual(shown["t"], list(wanted))
         for ratio, value in zip(shown["ratio"], wanted.values()):
@@ -314,23 +460,43 @@ class PageTest(BrowserCase):
             text = file.read()
         text = text.replace('"records/', f'"{os.path.dirname(scene())}/records/')
         if stream:
-            text = text.replace('interpolation = "spline"', 'interpolation = "linear"\noutside = "hold"\nstream = true')
+            text = text.replace(
+                'interpolation = "spline"',
+                'interpolation = "linear"\noutside = "hold"\nstream = true',
+            )
         name = self.file("shaken.toml")
         with open(name, "w") as file:
             file.write(text)
         return name.removesuffix(".toml")
 
     def expect_input_drawn(self, page):
-        self.assertEqual(page.js("document.getElementById('input-title').textContent"),
-                         "excitation acceleration [m/s^2]")
+        self.assertEqual(
+            page.js("document.getElementById('input-title').textContent"),
+            "excitation acceleration [m/s^2]",
+        )
         self.assertGreater(page.js(INK, "input-chart"), 500)
 
     def test_recorded_input_is_shown(self):
         name = self.shaken(stream=False)
         events = self.file("events.csv")
-        subprocess.run([os.environ["MASTER_SIM"], scene(name), "--no-lcm", "--speed", "max", "--duration", "5",
-                        "--events", events], check=True, capture_output=True)
-        page = self.open_page(self.start_view("--replay", events, "--speed", "8", name=name, bus=False).address)
+        subprocess.run(
+            [
+                os.environ["MASTER_SIM"],
+                scene(name),
+                "--no-lcm",
+                "--speed",
+                "max",
+                "--duration",
+                "5",
+                "--events",
+                events,
+            ],
+            check=True,
+            capture_output=True,
+        )
+        page = self.open_page(
+            self.start_view("--replay", events, "--speed", "8", name=name, bus=False).address
+        )
         page.wait("the input", "sprag.over && sprag.curves.input.t.length > 200")
         self.expect_input_drawn(page)
         largest = max(abs(a) for a in page.js("sprag.curves.input.value"))
@@ -342,14 +508,19 @@ class PageTest(BrowserCase):
         page = self.open_page(self.start_view(name=name).address)
         page.wait("the page", "sprag.scene")
         self.start_listening("OBSERVER", scene(name), "--tick", "0.005")
-        self.start("MASTER_SIM", scene(name), "--tick", "0.005", "--duration", "4", "--publish-input")
+        self.start(
+            "MASTER_SIM", scene(name), "--tick", "0.005", "--duration", "4", "--publish-input"
+        )
         page.wait("samples", "sprag.curves && sprag.curves.input.t.length > 500")
         page.wait("health", "sprag.health.observer && sprag.health.observer.input === 'heard'")
         self.expect_input_drawn(page)
         # Another run, of which the samples do not arrive.
         self.start("MASTER_SIM", scene(name), "--tick", "0.005", "--duration", "20")
-        page.wait("its end in words", "document.getElementById('health-words').textContent"
-                  ".includes('No samples of the excitation arrive')")
+        page.wait(
+            "its end in words",
+            "document.getElementById('health-words').textContent"
+            ".includes('No samples of the excitation arrive')",
+        )
         page.wait("the mark", "document.getElementById('health-input').dataset.value === 'silent'")
         self.expect_quiet(page)
 
@@ -361,15 +532,23 @@ class PageTest(BrowserCase):
         view = self.start_view("--key", secret)
         page = self.open_page(view.address)
         observer = self.start_listening("OBSERVER", scene(), "--key", secret)
-        page.wait("health without a master", "sprag.health.observer && sprag.health.observer.master === 'awaited'")
+        page.wait(
+            "health without a master",
+            "sprag.health.observer && sprag.health.observer.master === 'awaited'",
+        )
         self.start("MASTER_SIM", scene(), "--key", other)
         page.wait("the refused messages", "sprag.health.observer.refused.unauthenticated > 20")
-        page.wait("their cause in words",
-                  "document.getElementById('health-refused').textContent.includes('unauthenticated')")
+        page.wait(
+            "their cause in words",
+            "document.getElementById('health-refused').textContent.includes('unauthenticated')",
+        )
         self.assertEqual(page.js("sprag.frame.badge"), "waiting")
         self.assertIsNone(observer.poll())
         self.start("MASTER_SIM", scene(), "--key", secret)
-        page.wait("the right master", "sprag.health.observer.master === 'heard' && sprag.frame.badge !== 'waiting'")
+        page.wait(
+            "the right master",
+            "sprag.health.observer.master === 'heard' && sprag.frame.badge !== 'waiting'",
+        )
         self.expect_quiet(page)
 
     def test_page_reconnects_after_restart(self):
@@ -378,20 +557,33 @@ class PageTest(BrowserCase):
         self.start_run()
         page.wait("an estimate", "sprag.frame.settled && sprag.frame.settled.tick > 100")
         self.end(view, signal.SIGKILL)
-        page.wait("the loss on the page", "document.getElementById('connection').dataset.state === 'lost'")
+        page.wait(
+            "the loss on the page", "document.getElementById('connection').dataset.state === 'lost'"
+        )
         before = page.js("sprag.frame.settled.tick")
         self.assertFalse(page.js("sprag.connected"))
         time.sleep(0.7)  # a failed attempt to reconnect
         self.start_view(http="127.0.0.1:{}".format(view.address[1]))
         page.wait("the connection", "sprag.connected")
-        page.wait("later estimates", "sprag.frame.settled && sprag.frame.settled.tick > arguments[0] + 200", before)
-        page.wait("the curves", "sprag.curves.to > sprag.curves.from && sprag.curves.estimate.t.length > 20")
-        self.assertEqual(page.js("document.getElementById('connection').dataset.state"), "connected")
+        page.wait(
+            "later estimates",
+            "sprag.frame.settled && sprag.frame.settled.tick > arguments[0] + 200",
+            before,
+        )
+        page.wait(
+            "the curves",
+            "sprag.curves.to > sprag.curves.from && sprag.curves.estimate.t.length > 20",
+        )
+        self.assertEqual(
+            page.js("document.getElementById('connection').dataset.state"), "connected"
+        )
         # The observer ends, and starts again.
         self.end(self.observer, signal.SIGKILL)
         page.wait("the observer's silence", "sprag.health.observer.age > 1.5")
         self.start("OBSERVER", scene(), "--tick", "0.005")
-        page.wait("its return", "sprag.health.observer.age < 1.2 && sprag.health.observer.ticks > 50")
+        page.wait(
+            "its return", "sprag.health.observer.age < 1.2 && sprag.health.observer.ticks > 50"
+        )
         for said in page.complaints():
             self.assertIn("WebSocket connection to", said)
 
@@ -399,7 +591,10 @@ class PageTest(BrowserCase):
         view = self.start_view()
         page = self.open_page(view.address)
         self.start_run(speed="3")
-        page.wait("some curves", "sprag.curves && sprag.curves.estimate.t.length > 50 && sprag.curves.last > 3")
+        page.wait(
+            "some curves",
+            "sprag.curves && sprag.curves.estimate.t.length > 50 && sprag.curves.last > 3",
+        )
 
         def streams():
             tick = page.js("sprag.frame.now.tick")
@@ -407,22 +602,32 @@ class PageTest(BrowserCase):
 
         page.choose("window", "5")
         page.wait("a window of 5 s", "Math.abs(sprag.curves.to - sprag.curves.from - 5) < 1e-9")
-        page.wait("that follows", "sprag.curves.to > 6 && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9")
+        page.wait(
+            "that follows",
+            "sprag.curves.to > 6 && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9",
+        )
 
         # After zooming by the button and by the mouse the window stays, and the stream continues.
         page.click("zoom-in")
         page.wait("half of it", "Math.abs(sprag.curves.to - sprag.curves.from - 2.5) < 1e-9")
-        self.assertEqual(page.js("document.getElementById('follow').getAttribute('aria-pressed')"), "false")
+        self.assertEqual(
+            page.js("document.getElementById('follow').getAttribute('aria-pressed')"), "false"
+        )
         held = page.js("[sprag.curves.from, sprag.curves.to]")
         streams()
         self.assertEqual(page.js("[sprag.curves.from, sprag.curves.to]"), held)
         from selenium.webdriver import ActionChains
+
         chart = page.driver.find_element("id", "curve-chart")
         for shift in range(3):
-            ActionChains(page.driver, duration=50).move_to_element_with_offset(chart, -100 + 20 * shift, 0) \
-                .click_and_hold().move_by_offset(150, 0).release().perform()
-            page.wait("a smaller window", "sprag.curves.to - sprag.curves.from < arguments[0] && !sprag.view.follow",
-                      0.6 * (held[1] - held[0]))
+            ActionChains(page.driver, duration=50).move_to_element_with_offset(
+                chart, -100 + 20 * shift, 0
+            ).click_and_hold().move_by_offset(150, 0).release().perform()
+            page.wait(
+                "a smaller window",
+                "sprag.curves.to - sprag.curves.from < arguments[0] && !sprag.view.follow",
+                0.6 * (held[1] - held[0]),
+            )
             inner = page.js("[sprag.curves.from, sprag.curves.to]")
             self.assertGreaterEqual(inner[0], held[0])
             self.assertLessEqual(inner[1], held[1])
@@ -430,22 +635,38 @@ class PageTest(BrowserCase):
             streams()
             self.assertEqual(page.js("[sprag.curves.from, sprag.curves.to]"), held)
         page.click("zoom-out")
-        page.wait("twice that", "Math.abs((sprag.curves.to - sprag.curves.from) / arguments[0] - 2) < 1e-6",
-                  held[1] - held[0])
+        page.wait(
+            "twice that",
+            "Math.abs((sprag.curves.to - sprag.curves.from) / arguments[0] - 2) < 1e-6",
+            held[1] - held[0],
+        )
 
         page.click("follow")
-        page.wait("the newest again", "sprag.view.follow && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9")
+        page.wait(
+            "the newest again",
+            "sprag.view.follow && Math.abs(sprag.curves.to - sprag.curves.last) < 1e-9",
+        )
         self.assertAlmostEqual(page.js("sprag.curves.to - sprag.curves.from"), 5.0)
 
         page.click("pause")
         page.wait("a pause", "sprag.paused")
-        stopped = page.js("[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]")
+        stopped = page.js(
+            "[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]"
+        )
         streams()
         self.assertEqual(
-            page.js("[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]"), stopped)
+            page.js(
+                "[document.getElementById('t').textContent, sprag.curves.from, sprag.curves.to]"
+            ),
+            stopped,
+        )
         page.click("pause")
-        page.wait("going on", """!sprag.paused && sprag.view.follow
-            && document.getElementById('t').textContent !== arguments[0]""", stopped[0])
+        page.wait(
+            "going on",
+            """!sprag.paused && sprag.view.follow
+            && document.getElementById('t').textContent !== arguments[0]""",
+            stopped[0],
+        )
 
         names = page.js("sprag.scene.quantities.map(q => q.name)")
         self.assertGreater(len(names), 1)
@@ -456,7 +677,8 @@ class PageTest(BrowserCase):
     def watch_stops(self, page):
         # At every picture: the state of the list item, and the number of pixels of the machine in the colour of a
         # contact.
-        page.driver.execute_script("""
+        page.driver.execute_script(
+            """
             const copy = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
             window.seen = [];
             const look = () => {
@@ -473,7 +695,8 @@ class PageTest(BrowserCase):
               if (item) seen.push([item.dataset.lit === 'true', lit, sprag.frame.contacts[0].closed]);
               setTimeout(() => requestAnimationFrame(look), 60);
             };
-            look();""")
+            look();"""
+        )
 
     def test_closed_stops_are_highlighted(self):
         # A beam with pulses only, and a ball that comes to rest.
@@ -531,24 +754,43 @@ class PageTest(BrowserCase):
           return {ground: ground(document.body), worst: ratios.sort((a, b) => a[0] - b[0])[0]};
         })()"""
         for scheme, dark in (("dark", True), ("light", False), ("dark", True)):
-            page.cdp("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
-            page.wait(scheme, "matchMedia('(prefers-color-scheme: dark)').matches === arguments[0]", dark)
+            page.cdp(
+                "Emulation.setEmulatedMedia",
+                features=[{"name": "prefers-color-scheme", "value": scheme}],
+            )
+            page.wait(
+                scheme, "matchMedia('(prefers-color-scheme: dark)').matches === arguments[0]", dark
+            )
             found = page.js(colours)
             with self.subTest(scheme=scheme):
                 self.assertEqual(found["ground"] < 0.2, dark)
                 self.assertGreater(found["worst"][0], 4.5, found["worst"][1])
         for width, height in ((390, 844), (844, 390), (320, 568)):
-            page.cdp("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=3, mobile=True)
-            page.wait("the width", "innerWidth === arguments[0] || document.body.scrollWidth > arguments[0]", width)
+            page.cdp(
+                "Emulation.setDeviceMetricsOverride",
+                width=width,
+                height=height,
+                deviceScaleFactor=3,
+                mobile=True,
+            )
+            page.wait(
+                "the width",
+                "innerWidth === arguments[0] || document.body.scrollWidth > arguments[0]",
+                width,
+            )
             tick = page.js("sprag.frame.now.tick")
             page.wait("frames", "sprag.frame.now.tick > arguments[0] + 50", tick)
             with self.subTest(width=width):
                 self.assertLessEqual(page.js("document.documentElement.scrollWidth"), width)
-                wide = page.js("""[...document.querySelectorAll('body *')].filter((e) => e.getClientRects().length)
+                wide = page.js(
+                    """[...document.querySelectorAll('body *')].filter((e) => e.getClientRects().length)
                     .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5 && !e.closest('.chart'))
-                    .map((e) => e.tagName + '#' + e.id)""")
+                    .map((e) => e.tagName + '#' + e.id)"""
+                )
                 self.assertEqual(wide, [])
-                self.assertGreater(page.js("document.getElementById('machine').clientWidth"), 0.8 * width - 40)
+                self.assertGreater(
+                    page.js("document.getElementById('machine').clientWidth"), 0.8 * width - 40
+                )
         self.expect_quiet(page)
 
 

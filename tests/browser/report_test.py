@@ -20,26 +20,86 @@ class ReportTest(BrowserCase):
     def setUp(self):
         super().setUp()
         for program, *arguments in (
-                ("MASTER_SIM", scene("two_stops_beam"), "--duration", "3", "--speed", "max", "--no-lcm",
-                 "--events", self.file("events.csv"), "--states", self.file("machine.csv")),
-                ("OBSERVER", scene("two_stops_beam"), "--duration", "3", "--replay", self.file("events.csv"),
-                 "--states", self.file("states.csv"), "--impacts", self.file("impacts.csv"),
-                 "--report", self.file("observer.json")),
-                ("SYNC_LOGGER", scene("two_stops_beam"), "--truth", self.file("machine.csv"),
-                 "--estimate", self.file("states.csv"), "--csv", self.file("V.csv")),
-                ("IDENTIFY", self.file("events.csv"), scene("two_stops_beam"), "--free",
-                 "contact.1.restitution,beam.damping,contact.2.clearance", "--report", self.file("identify.json")),
-                ("REPORT", scene("two_stops_beam"), "--output", self.file("report.html"),
-                 *(self.file(name) for name in ("events.csv", "machine.csv", "states.csv", "impacts.csv", "V.csv",
-                                                "observer.json", "identify.json")))):
-            ended = subprocess.run([os.environ[program], *arguments], capture_output=True, text=True)
+            (
+                "MASTER_SIM",
+                scene("two_stops_beam"),
+                "--duration",
+                "3",
+                "--speed",
+                "max",
+                "--no-lcm",
+                "--events",
+                self.file("events.csv"),
+                "--states",
+                self.file("machine.csv"),
+            ),
+            (
+                "OBSERVER",
+                scene("two_stops_beam"),
+                "--duration",
+                "3",
+                "--replay",
+                self.file("events.csv"),
+                "--states",
+                self.file("states.csv"),
+                "--impacts",
+                self.file("impacts.csv"),
+                "--report",
+                self.file("observer.json"),
+            ),
+            (
+                "SYNC_LOGGER",
+                scene("two_stops_beam"),
+                "--truth",
+                self.file("machine.csv"),
+                "--estimate",
+                self.file("states.csv"),
+                "--csv",
+                self.file("V.csv"),
+            ),
+            (
+                "IDENTIFY",
+                self.file("events.csv"),
+                scene("two_stops_beam"),
+                "--free",
+                "contact.1.restitution,beam.damping,contact.2.clearance",
+                "--report",
+                self.file("identify.json"),
+            ),
+            (
+                "REPORT",
+                scene("two_stops_beam"),
+                "--output",
+                self.file("report.html"),
+                *(
+                    self.file(name)
+                    for name in (
+                        "events.csv",
+                        "machine.csv",
+                        "states.csv",
+                        "impacts.csv",
+                        "V.csv",
+                        "observer.json",
+                        "identify.json",
+                    )
+                ),
+            ),
+        ):
+            ended = subprocess.run(
+                [os.environ[program], *arguments], capture_output=True, text=True
+            )
             self.assertEqual(ended.returncode, 0, ended.stderr)
 
     def shown(self, width, height):
         page = Page(width, height)
         self.addCleanup(page.close)
-        page.cdp("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1,
-                 mobile=width < 600)
+        page.cdp(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=1,
+            mobile=width < 600,
+        )
         page.driver.get("file://" + self.file("report.html"))
         return page
 
@@ -48,8 +108,10 @@ class ReportTest(BrowserCase):
         self.assertEqual(page.js(LOADED), [])
         self.assertLessEqual(page.js(WIDE), width, "only tables and pictures scroll, not the page")
         self.assertEqual(page.js("document.querySelectorAll('.verdict').length"), 2)
-        boxes = page.js("""[...document.querySelectorAll('figure svg')].map((svg) => {
-            const box = svg.getBoundingClientRect(); return [box.width, box.height]; })""")
+        boxes = page.js(
+            """[...document.querySelectorAll('figure svg')].map((svg) => {
+            const box = svg.getBoundingClientRect(); return [box.width, box.height]; })"""
+        )
         self.assertGreaterEqual(len(boxes), 5)
         for across, high in boxes:
             self.assertGreaterEqual(across, 0.85 * min(width, 600))
@@ -73,13 +135,20 @@ class ReportTest(BrowserCase):
         font = float(page.js("getComputedStyle(document.body).fontSize").removesuffix("px"))
         self.assertGreaterEqual(font, 14)
         # Pictures fit, with legible texts; tables scroll, and a shadow at their side shows that they do.
-        self.assertEqual(page.js("""[...document.querySelectorAll('figure')].filter(
-            (figure) => figure.scrollWidth > figure.clientWidth).length"""), 0)
+        self.assertEqual(
+            page.js(
+                """[...document.querySelectorAll('figure')].filter(
+            (figure) => figure.scrollWidth > figure.clientWidth).length"""
+            ),
+            0,
+        )
         heights = [bottom - top for texts in page.js(TEXTS) for _, _, top, _, bottom in texts]
         self.assertGreater(min(heights), 6.0)
-        scrolling = page.js("""[...document.querySelectorAll('.scroll')].filter(
+        scrolling = page.js(
+            """[...document.querySelectorAll('.scroll')].filter(
             (part) => part.scrollWidth > part.clientWidth).map(
-            (part) => getComputedStyle(part).backgroundImage)""")
+            (part) => getComputedStyle(part).backgroundImage)"""
+        )
         self.assertGreater(len(scrolling), 0)
         for image in scrolling:
             self.assertEqual(image.count("linear-gradient"), 4)
@@ -91,12 +160,20 @@ class ReportTest(BrowserCase):
         self.assertGreaterEqual(pages, 2)
         self.assertLessEqual(pages, 12)
         page.cdp("Emulation.setEmulatedMedia", media="print")
-        page.cdp("Emulation.setDeviceMetricsOverride", width=680, height=960, deviceScaleFactor=1, mobile=False)
+        page.cdp(
+            "Emulation.setDeviceMetricsOverride",
+            width=680,
+            height=960,
+            deviceScaleFactor=1,
+            mobile=False,
+        )
         self.assertLessEqual(page.js(WIDE), 680, "nothing is cut off in print")
         # A page break cuts no picture, no verdict, no short table, and no row of a long one.
         for kind in ("figure", ".verdict", ".short", "tr"):
-            parts = page.js(f"""[...document.querySelectorAll('{kind}')].map((part) => [
-                getComputedStyle(part).breakInside, part.getBoundingClientRect().height])""")
+            parts = page.js(
+                f"""[...document.querySelectorAll('{kind}')].map((part) => [
+                getComputedStyle(part).breakInside, part.getBoundingClientRect().height])"""
+            )
             self.assertGreater(len(parts), 0)
             for inside, high in parts:
                 self.assertEqual(inside, "avoid", kind)

@@ -116,14 +116,30 @@ class LiveCase(unittest.TestCase):
         view.address = (found[1], int(found[2]))
         return view
 
-    def start_run(self, *, duration=None, speed="1", tick="0.005", name="paper_beam", record=False,
-                  estimator="both", key=()):
+    def start_run(
+        self,
+        *,
+        duration=None,
+        speed="1",
+        tick="0.005",
+        name="paper_beam",
+        record=False,
+        estimator="both",
+        key=(),
+    ):
         """Observer and, if it is recorded, logger, then a master."""
         until = ["--duration", duration] if duration else []
         common = [scene(name), *until, "--tick", tick, *key]
         if record:
-            self.logger = self.start_listening("SYNC_LOGGER", scene(name), *key, "--csv", self.file("V.csv"),
-                                               "--record", self.file("run.lcmlog"))
+            self.logger = self.start_listening(
+                "SYNC_LOGGER",
+                scene(name),
+                *key,
+                "--csv",
+                self.file("V.csv"),
+                "--record",
+                self.file("run.lcmlog"),
+            )
         self.observer = self.start_listening("OBSERVER", *common, "--estimator", estimator)
         self.master = self.start("MASTER_SIM", *common, "--speed", speed)
 
@@ -165,8 +181,13 @@ def upgrade(origin):
     """Headers that request the stream."""
     key = base64.b64encode(secrets.token_bytes(16)).decode()
     more = [f"Origin: {origin}"] if origin is not None else []
-    return ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13",
-            f"Sec-WebSocket-Key: {key}", *more]
+    return [
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        "Sec-WebSocket-Version: 13",
+        f"Sec-WebSocket-Key: {key}",
+        *more,
+    ]
 
 
 def open_stream(address, receive_buffer=None):
@@ -217,7 +238,7 @@ def read_log(file):
         if sync != 0xEDA1DA01 or at + 28 + name + size > len(data):
             break
         at += 28
-        yield data[at:at + name].decode(), data[at + name:at + name + size]
+        yield data[at : at + name].decode(), data[at + name : at + name + size]
         at += name + size
 
 
@@ -236,9 +257,11 @@ def estimates(file, channel):
 def last_health(file):
     """The counts of the last SPRAG_HEALTH, and the refused messages."""
     message = [message for name, message in read_log(file) if name == "SPRAG_HEALTH"][-1]
-    names = ("sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
-             "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
-             "reordered_messages other_masters stale overflowed unsent").split()
+    names = (
+        "sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
+        "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
+        "reordered_messages other_masters stale overflowed unsent"
+    ).split()
     at = 8 * 5 + 4 + 8 * 10
     counts = dict(zip(names, struct.unpack_from(f">{len(names)}q", message, at)))
     at += 8 * len(names)
@@ -247,7 +270,7 @@ def last_health(file):
     said = []
     for _ in range(causes):
         (size,) = struct.unpack_from(">i", message, at)
-        said.append(message[at + 4:at + 4 + size - 1].decode())
+        said.append(message[at + 4 : at + 4 + size - 1].decode())
         at += 4 + size
     return counts, dict(zip(said, struct.unpack_from(f">{causes}q", message, at)))
 
@@ -270,13 +293,22 @@ class Page:
 
         options = Options()
         options.binary_location = shutil.which("chromium")
-        for argument in ("--headless=new", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
-                         "--disable-extensions", "--hide-scrollbars", f"--window-size={width},{height}"):
+        for argument in (
+            "--headless=new",
+            "--disable-gpu",
+            "--disable-dev-shm-usage",
+            "--no-first-run",
+            "--disable-extensions",
+            "--hide-scrollbars",
+            f"--window-size={width},{height}",
+        ):
             options.add_argument(argument)
         if os.geteuid() == 0:
             options.add_argument("--no-sandbox")
         options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        self.driver = webdriver.Chrome(service=Service(shutil.which("chromedriver")), options=options)
+        self.driver = webdriver.Chrome(
+            service=Service(shutil.which("chromedriver")), options=options
+        )
         self.driver.set_script_timeout(PATIENCE)
         self.said = []
 

@@ -98,8 +98,10 @@ def parse(text: str, page: str) -> list[Block]:
             block.lines.append(line[indent:] if line[:indent].isspace() else line)
         marker = MARKER.match(line) if block is None else None
         if marker is None and block is None and re.match(r"\s*<!-- *(not )?run\b", line):
-            raise Failure(f"{page}:{number}: marker `{line.strip()}`; must be <!-- run: HOW --> or "
-                          "<!-- not run: REASON -->")
+            raise Failure(
+                f"{page}:{number}: marker `{line.strip()}`; must be <!-- run: HOW --> or "
+                "<!-- not run: REASON -->"
+            )
     if block is not None:
         raise Failure(f"{block.place}: the block has no end")
     return blocks
@@ -122,8 +124,10 @@ def expect_output(expected: Block, printed: str) -> None:
         if line.strip() in ("", "...", "…"):
             continue
         if shape(line) not in rest:  # leaves the iterator after the found line
-            raise Failure(f"{expected.page}:{expected.line + offset}: the block before does not print, or "
-                          f"not here: {line}\nIt prints:\n{printed}")
+            raise Failure(
+                f"{expected.page}:{expected.line + offset}: the block before does not print, or "
+                f"not here: {line}\nIt prints:\n{printed}"
+            )
 
 
 def isolated(block: Block, script: str) -> list[str]:
@@ -157,13 +161,22 @@ def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
     script = block.text
     if block.parallel > 0.0:
         # Python starts the commands, because a shell's background commands ignore SIGINT.
-        script = f"exec {sys.executable} {Path(__file__).resolve()} --parallel {block.parallel} \"$@\""
+        script = (
+            f'exec {sys.executable} {Path(__file__).resolve()} --parallel {block.parallel} "$@"'
+        )
     command = isolated(block, script)
     if block.parallel > 0.0:
         command += ["sh", *commands(block)]
     with tempfile.TemporaryFile("w+", errors="replace") as output:
-        process = subprocess.Popen(command, cwd=folder, env=environment, stdin=subprocess.DEVNULL,
-                                   stdout=output, stderr=output, start_new_session=True)
+        process = subprocess.Popen(
+            command,
+            cwd=folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=True,
+        )
         try:
             code = process.wait(limit)
         except subprocess.TimeoutExpired:
@@ -174,8 +187,11 @@ def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
         output.seek(0)
         printed = output.read()
     if code != block.exit_code:
-        what = f"does not end within {limit:g} s" if code is None else (
-            f"ends with exit code {code}, not {block.exit_code}")
+        what = (
+            f"does not end within {limit:g} s"
+            if code is None
+            else (f"ends with exit code {code}, not {block.exit_code}")
+        )
         raise Failure(f"{block.place}: {what}\n{block.text}\nIt prints:\n{printed}")
     return printed
 
@@ -202,7 +218,9 @@ def copy_checkout(source: Path, build: Path, folder: Path) -> None:
         names = [name for name in listed.stdout.split("\0") if name]
     else:  # a source archive
         found = [path.relative_to(source) for path in source.rglob("*") if path.is_file()]
-        names = [str(name) for name in found if not re.fullmatch(r"build.*|out|\.git", name.parts[0])]
+        names = [
+            str(name) for name in found if not re.fullmatch(r"build.*|out|\.git", name.parts[0])
+        ]
     for name in names:
         if (source / name).is_file():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -245,7 +263,11 @@ def run_page(source: Path, page: str, build: Path) -> bool:
 
 
 def pages_of(source: Path) -> list[str]:
-    found = [path for pattern in ("*.md", "docs/**/*.md", "python/*.md") for path in sorted(source.glob(pattern))]
+    found = [
+        path
+        for pattern in ("*.md", "docs/**/*.md", "python/*.md")
+        for path in sorted(source.glob(pattern))
+    ]
     return [str(path.relative_to(source)) for path in found if path.name != "CHANGELOG.md"]
 
 
@@ -258,7 +280,9 @@ def check(page: str, text: str) -> list[Block]:
     for block in blocks:
         if block.language in ("bash", "shell", "console", "zsh"):
             raise Failure(f"{block.place}: a block of commands is ```sh, not ```{block.language}")
-        if not block.language and re.match(r"\$ |(build/)?sprag |build/|scripts/|cmake ", block.text):
+        if not block.language and re.match(
+            r"\$ |(build/)?sprag |build/|scripts/|cmake ", block.text
+        ):
             raise Failure(f"{block.place}: a block of commands is ```sh")
     return blocks
 

@@ -39,7 +39,15 @@ class MarkerTest(unittest.TestCase):
             self.refused(page(sh("true", marker)), "page.md:")
 
     def test_markers_are_known(self):
-        for marker in "run: needs", "run: needs a rig", "run: twice", "run: exits with x", "run: in parallel", "run:", "run":
+        for marker in (
+            "run: needs",
+            "run: needs a rig",
+            "run: twice",
+            "run: exits with x",
+            "run: in parallel",
+            "run:",
+            "run",
+        ):
             self.refused(page(sh("true", marker)), "page.md:")
 
     def test_every_command_is_found(self):
@@ -49,7 +57,9 @@ class MarkerTest(unittest.TestCase):
         self.refused(page("```sh\ntrue"), "page.md:4", "no end")
 
     def test_indentation_of_blocks_is_removed(self):
-        (block,) = documented.parse("* Item:\n\n  ```sh\n  cat << END\n  x\n  END\n  ```\n", "page.md")
+        (block,) = documented.parse(
+            "* Item:\n\n  ```sh\n  cat << END\n  x\n  END\n  ```\n", "page.md"
+        )
         self.assertEqual(block.text, "cat << END\nx\nEND")
         self.assertEqual(block.line, 4)
 
@@ -69,7 +79,9 @@ class RunTest(unittest.TestCase):
         self.assertEqual(run(page(sh("echo one\necho two >&2"))), "one\ntwo\n")
 
     def test_failure_names_page_line_command_and_output(self):
-        self.failed(page(sh("echo said\nfalse\necho after")), "page.md:4:", "exit code 1", "false", "said")
+        self.failed(
+            page(sh("echo said\nfalse\necho after")), "page.md:4:", "exit code 1", "false", "said"
+        )
         self.failed(page(sh("false | cat")), "exit code 1")
         self.failed(page(sh("echo $unset_variable")), "exit code 1")
 

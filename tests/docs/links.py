@@ -52,25 +52,36 @@ def faults_of(source: Path, page: Path) -> list[str]:
             file = (page.parent / path).resolve() if path else page
             if not file.exists():
                 faults.append(f"{name}:{number}: {target}: no such file")
-            elif anchor and (file.suffix != ".md" or anchor not in anchors(file.read_text(encoding="utf-8"))):
+            elif anchor and (
+                file.suffix != ".md" or anchor not in anchors(file.read_text(encoding="utf-8"))
+            ):
                 faults.append(f"{name}:{number}: {target}: no such section")
     if name.parts[0] == "docs":
         questions = QUESTIONS.search(text)
         if questions is None:
-            faults.append(f"{name}: does not end with <!-- Questions that this page answers: ... -->")
+            faults.append(
+                f"{name}: does not end with <!-- Questions that this page answers: ... -->"
+            )
         for question in questions[1].split("\n") if questions else []:
             found = QUESTION.fullmatch(question)
             if found is None or found[1] not in anchors(text):
-                faults.append(f"{name}: {question}: must be QUESTION? #SECTION, a section of the page")
+                faults.append(
+                    f"{name}: {question}: must be QUESTION? #SECTION, a section of the page"
+                )
     return faults
 
 
 def missing_in_index(source: Path) -> list[str]:
     index = source / "docs" / "README.md"
-    linked = {(index.parent / target.partition("#")[0]).resolve()
-              for _, _, target in LINK.findall(without_code(index.read_text(encoding="utf-8")))}
-    return [f"docs/README.md: does not name {page.relative_to(source)}"
-            for page in sorted((source / "docs").glob("**/*.md")) if page != index and page.resolve() not in linked]
+    linked = {
+        (index.parent / target.partition("#")[0]).resolve()
+        for _, _, target in LINK.findall(without_code(index.read_text(encoding="utf-8")))
+    }
+    return [
+        f"docs/README.md: does not name {page.relative_to(source)}"
+        for page in sorted((source / "docs").glob("**/*.md"))
+        if page != index and page.resolve() not in linked
+    ]
 
 
 def main() -> int:
@@ -79,7 +90,9 @@ def main() -> int:
         return 2
     source = Path(sys.argv[1]).resolve()
     pages = sorted({page for pattern in PAGES for page in source.glob(pattern)})
-    faults = [fault for page in pages for fault in faults_of(source, page)] + missing_in_index(source)
+    faults = [fault for page in pages for fault in faults_of(source, page)] + missing_in_index(
+        source
+    )
     print("\n".join(faults) if faults else f"{len(pages)} pages")
     return int(bool(faults))
 

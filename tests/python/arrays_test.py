@@ -102,7 +102,9 @@ class ArraysTest(unittest.TestCase):
 
     def test_matrices_equal_the_model(self):
         model = self.scene.model
-        np.testing.assert_allclose(np.diag(model.K) / np.diag(model.M), [12.3624, 485.519, 3806.55], 1e-5)
+        np.testing.assert_allclose(
+            np.diag(model.K) / np.diag(model.M), [12.3624, 485.519, 3806.55], 1e-5
+        )
         self.assertFalse(model.M.flags.writeable)
 
 

@@ -31,12 +31,17 @@ class CheckTest(unittest.TestCase):
                 printed = json.loads(program(name, "--json")[1])
                 self.assertEqual(check.verdict, printed["verdict"])
                 self.assertEqual(
-                    [(f.id, f.required, f.holds, f.what, f.provided, f.change) for f in check.findings],
+                    [
+                        (f.id, f.required, f.holds, f.what, f.provided, f.change)
+                        for f in check.findings
+                    ],
                     [tuple(finding.values()) for finding in printed["findings"]],
                 )
 
     def test_failed_findings_name_a_change(self):
-        broken = [f for f in sprag.check(scene("bouncing_ball")).findings if f.required and not f.holds]
+        broken = [
+            f for f in sprag.check(scene("bouncing_ball")).findings if f.required and not f.holds
+        ]
         self.assertGreater(len(broken), 0)
         for finding in broken:
             self.assertNotEqual(finding.change, "")

@@ -194,7 +194,9 @@ class ObserverTest(unittest.TestCase):
             sprag.read_events("/nowhere/events.csv", scene())
 
     def test_an_events_file_has_the_contact_clocks_times(self):
-        text = (SOURCE / "scenes" / "lab_rig.toml").read_text() + "\n[clock]\nrate = 2.0\noffset = 3.0\n"
+        text = (
+            SOURCE / "scenes" / "lab_rig.toml"
+        ).read_text() + "\n[clock]\nrate = 2.0\noffset = 3.0\n"
         clocked = sprag.parse_scene(text)
         self.assertEqual(clocked.machine_time(5.0), 1.0)
         self.assertEqual(scene("lab_rig").machine_time(5.0), 5.0)
