@@ -1,14 +1,17 @@
 #!/usr/bin/env python3
 """Prepares the pages of the site that scripts/docs builds, and checks the site.
 
-usage: docs_pages.py filter FILE       prints a page or a header as Doxygen reads it (FILTER_PATTERNS in docs/Doxyfile)
-       docs_pages.py python            prints a page with the signatures and docstrings of the Python package
-       docs_pages.py finish SITE       copies images and files that pages link to, then checks all local links;
-                                       exit code 1, with a line for each broken link
+usage: docs_pages.py filter FILE    prints a page or a header as Doxygen reads it
+                                    (FILTER_PATTERNS in docs/Doxyfile)
+       docs_pages.py python         prints a page with the signatures and docstrings of the Python
+                                    package
+       docs_pages.py finish SITE    copies images and files that pages link to, then checks all
+                                    local links; exit code 1, with a line for each broken link
 
-Doxygen names anchors in its own way, resolves no links between pages as GitHub does, and copies images by their bare
-names. The filter therefore gives each page and heading an id, and turns links and images into plain HTML links. In a
-header it gives each of several variables in one declaration the comment that they share.
+Doxygen names anchors in its own way, resolves no links between pages as GitHub does, and copies
+images by their bare names. The filter therefore gives each page and heading an id, and turns links
+and images into plain HTML links. In a header it gives each of several variables in one declaration
+the comment that they share.
 """
 
 import ast

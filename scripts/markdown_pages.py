@@ -1,4 +1,5 @@
-"""Links and anchors of the documentation's Markdown, as GitHub reads them. For docs_pages.py and tests/docs/links.py."""
+"""Links and anchors of the documentation's Markdown, as GitHub reads them. For docs_pages.py and
+tests/docs/links.py."""
 
 import re
 import unicodedata
@@ -14,7 +15,8 @@ class Anchors:
         self.used: set[str] = set()
 
     def of(self, heading: str) -> str:
-        """The anchor of the next heading. It has a number if an earlier heading has the same text."""
+        """The anchor of the next heading. It has a number if an earlier heading has the same
+        text."""
         heading = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).replace("`", "")
         kept = [c for c in heading.lower() if c in " -_" or unicodedata.category(c)[0] in "LNM"]
         name = "".join(kept).replace(" ", "-")

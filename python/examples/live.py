@@ -1,5 +1,5 @@
-"""Live: docs/tutorials/live.md in Python. The machine and the listener are here, the observer is the
-program of Sprag, which must be installed or built."""
+"""Live: docs/tutorials/live.md in Python. The machine and the listener are here, the observer is
+the program of Sprag, which must be installed or built."""
 
 # %% Start the observer in a process of its own.
 import os

@@ -1,4 +1,5 @@
-"""My own machine: docs/tutorials/own_machine.md in Python, with thirty measured bounces of a ball."""
+"""My own machine: docs/tutorials/own_machine.md in Python, with thirty measured bounces of a
+ball."""
 
 # %% Describe the machine: everything per kg of the ball. The drag of the air is taken as linear.
 from pathlib import Path

@@ -271,7 +271,8 @@ class PageTest(BrowserCase):
             self.check(shown, settled, now, energies)
         self.assertGreater(len({shown["tick"] for shown in samples}), 10)
         self.assertGreater(len({shown["vTick"] for shown in samples}), 10)
-        # The curves are thinned: the remaining values of V occur in the recording, and the extremes are among them.
+        # The curves are thinned: the remaining values of V occur in the recording, and the extremes
+        # are among them.
         by_time = {float(row["t"]): float(row["V"]) for row in rows(self.file("V.csv"))}
 
         def extremes_are_shown():
@@ -331,7 +332,8 @@ class PageTest(BrowserCase):
         self.assertIsNone(view.poll())
 
     def test_window_follows_the_period(self):
-        # 30 periods at 4.5 Hz are 6.7 s; the nearest choice is 5 s, not the 20 s of a machine without a period.
+        # 30 periods at 4.5 Hz are 6.7 s; the nearest choice is 5 s, not the 20 s of a machine
+        # without a period.
         view = self.start_view(name="lab_rig")
         page = self.open_page(view.address)
         self.start_run(name="lab_rig", speed="1")
@@ -339,14 +341,16 @@ class PageTest(BrowserCase):
         self.assertAlmostEqual(page.js("sprag.scene.period"), 1 / 4.5)
         page.wait(
             "the window",
-            "sprag.view.window === 5 && sprag.curves && sprag.curves.to - sprag.curves.from <= 5.001",
+            "sprag.view.window === 5 && sprag.curves "
+            "&& sprag.curves.to - sprag.curves.from <= 5.001",
         )
         page.choose("window", "50")
         page.wait("the chosen window", "sprag.curves.to - sprag.curves.from > 49")
         self.expect_quiet(page)
 
     def test_window_of_a_recording_follows_the_period(self):
-        # 30 periods at 4.5 Hz are 6.7 s, also at a speed at which 2 s of wall time are 16 s of the machine.
+        # 30 periods at 4.5 Hz are 6.7 s, also at a speed at which 2 s of wall time are 16 s of the
+        # machine.
         events = self.file("events.csv")
         subprocess.run(
             [
@@ -449,13 +453,17 @@ class PageTest(BrowserCase):
         for ratio, value in zip(shown["ratio"], wanted.values()):
             self.assertAlmostEqual(ratio, value, delta=1e-5 * abs(value))
         self.assertEqual(page.js("sprag.frame.innovation.ratio"), list(wanted.values())[-1])
-        hidden = "['energy-part', 'V-row', 'innovation-part', 'innovation-row'].map((id) => document.getElementById(id).hidden)"
+        hidden = (
+            "['energy-part', 'V-row', 'innovation-part', 'innovation-row']"
+            ".map((id) => document.getElementById(id).hidden)"
+        )
         self.assertEqual(page.js(hidden), [True, True, False, False])
         self.assertGreater(page.js(INK, "innovation-chart"), 500)
         self.expect_quiet(page)
 
     def shaken(self, stream):
-        """The name of a scene with the shaker's record, which an observer takes from the bus if `stream`."""
+        """The name of a scene with the shaker's record, which an observer takes from the bus if
+        `stream`."""
         with open(scene("swept_beam")) as file:
             text = file.read()
         text = text.replace('"records/', f'"{os.path.dirname(scene())}/records/')
@@ -675,11 +683,12 @@ class PageTest(BrowserCase):
         self.expect_quiet(page)
 
     def watch_stops(self, page):
-        # At every picture: the state of the list item, and the number of pixels of the machine in the colour of a
-        # contact.
+        # At every picture: the state of the list item, and the number of pixels of the machine in
+        # the colour of a contact.
         page.driver.execute_script(
             """
-            const copy = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+            const offscreen = document.createElement('canvas');
+            const copy = offscreen.getContext('2d', {willReadFrequently: true});
             window.seen = [];
             const look = () => {
               const canvas = document.getElementById('machine');
@@ -692,7 +701,8 @@ class PageTest(BrowserCase):
                 if (data[i] === 0xf0 && data[i + 1] === 0xe4 && data[i + 2] === 0x42) ++lit;
               }
               const item = document.querySelector('#contacts li');
-              if (item) seen.push([item.dataset.lit === 'true', lit, sprag.frame.contacts[0].closed]);
+              const closed = sprag.frame.contacts[0].closed;
+              if (item) seen.push([item.dataset.lit === 'true', lit, closed]);
               setTimeout(() => requestAnimationFrame(look), 60);
             };
             look();"""
@@ -741,7 +751,8 @@ class PageTest(BrowserCase):
             return 0.2126 * r + 0.7152 * g + 0.0722 * b;
           };
           const ground = (e) => {
-            while (e && getComputedStyle(e).backgroundColor === 'rgba(0, 0, 0, 0)') e = e.parentElement;
+            const clear = 'rgba(0, 0, 0, 0)';
+            while (e && getComputedStyle(e).backgroundColor === clear) e = e.parentElement;
             return luminance(getComputedStyle(e || document.documentElement).backgroundColor);
           };
           const kinds = 'h1, h1 span, h2, h3, p, dt, dd, li, button, select, .dygraph-axis-label';
@@ -749,7 +760,8 @@ class PageTest(BrowserCase):
             .filter((e) => e.textContent.trim() && e.getClientRects().length);
           const ratios = texts.map((e) => {
             const a = luminance(getComputedStyle(e).color), b = ground(e);
-            return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), e.id || e.className || e.tagName];
+            const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+            return [ratio, e.id || e.className || e.tagName];
           });
           return {ground: ground(document.body), worst: ratios.sort((a, b) => a[0] - b[0])[0]};
         })()"""
@@ -783,8 +795,9 @@ class PageTest(BrowserCase):
             with self.subTest(width=width):
                 self.assertLessEqual(page.js("document.documentElement.scrollWidth"), width)
                 wide = page.js(
-                    """[...document.querySelectorAll('body *')].filter((e) => e.getClientRects().length)
-                    .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5 && !e.closest('.chart'))
+                    """[...document.querySelectorAll('body *')]
+                    .filter((e) => e.getClientRects().length && !e.closest('.chart'))
+                    .filter((e) => e.getBoundingClientRect().right > innerWidth + 0.5)
                     .map((e) => e.tagName + '#' + e.id)"""
                 )
                 self.assertEqual(wide, [])

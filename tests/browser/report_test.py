@@ -9,7 +9,8 @@ from support import BrowserCase, Page, main, scene
 
 WIDE = "Math.max(document.documentElement.scrollWidth, document.body.scrollWidth)"
 # Texts of a picture, in pixels of the screen: the title of an axis and a number must not overlap.
-TEXTS = """[...document.querySelectorAll('figure')].map((figure) => [...figure.querySelectorAll('svg text')].map((text) => {
+TEXTS = """[...document.querySelectorAll('figure')].map((figure) =>
+    [...figure.querySelectorAll('svg text')].map((text) => {
   const box = text.getBoundingClientRect();
   return [text.textContent.trim(), box.left, box.top, box.right, box.bottom];
 }).filter((text) => text[0] !== ''))"""
@@ -134,7 +135,8 @@ class ReportTest(BrowserCase):
         self.check(page, 390)
         font = float(page.js("getComputedStyle(document.body).fontSize").removesuffix("px"))
         self.assertGreaterEqual(font, 14)
-        # Pictures fit, with legible texts; tables scroll, and a shadow at their side shows that they do.
+        # Pictures fit, with legible texts; tables scroll, and a shadow at their side shows that
+        # they do.
         self.assertEqual(
             page.js(
                 """[...document.querySelectorAll('figure')].filter(

@@ -1,5 +1,5 @@
-"""Common parts of the tests of `view`: programs on a port of the test's own, plain HTTP and WebSockets, contents of a
-recording, and Debian's chromium driven by Debian's python3-selenium."""
+"""Common parts of the tests of `view`: programs on a port of the test's own, plain HTTP and
+WebSockets, contents of a recording, and Debian's chromium driven by Debian's python3-selenium."""
 
 import base64
 import csv
@@ -258,8 +258,8 @@ def last_health(file):
     """The counts of the last SPRAG_HEALTH, and the refused messages."""
     message = [message for name, message in read_log(file) if name == "SPRAG_HEALTH"][-1]
     names = (
-        "sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events gaps "
-        "skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
+        "sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events "
+        "gaps skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
         "reordered_messages other_masters stale overflowed unsent"
     ).split()
     at = 8 * 5 + 4 + 8 * 10
@@ -367,7 +367,8 @@ class BrowserCase(LiveCase):
 
 
 def main():
-    """Runs the named tests; exit code 77, with the reason in GoogleTest's format, if they were skipped."""
+    """Runs the named tests; exit code 77, with the reason in GoogleTest's format, if they were
+    skipped."""
     result = unittest.main(exit=False, verbosity=2).result
     if result.wasSuccessful() and result.skipped:
         print(f"{sys.argv[0]}:1: Skipped\n{result.skipped[0][1]}")

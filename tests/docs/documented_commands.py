@@ -1,22 +1,23 @@
 """Runs the shell commands of a Markdown page as they stand, in a copy of the checkout.
 
 usage: documented_commands.py SOURCE PAGE BUILD    runs the blocks ```sh of PAGE
-       documented_commands.py SOURCE --list        checks all pages, lists the blocks that are not run
+       documented_commands.py SOURCE --list        checks all pages, lists the blocks not run
 
-The blocks of a page run one after the other in one folder, a copy of the tracked files of SOURCE in which
-build/ is the folder BUILD, each in a network of its own with a multicast route. A comment on the line before a
-block specifies exceptions:
+The blocks of a page run one after the other in one folder, a copy of the tracked files of SOURCE in
+which build/ is the folder BUILD, each in a network of its own with a multicast route. A comment on
+the line before a block specifies exceptions:
 
 <!-- not run: REASON -->           it is left out
 <!-- run: exits with N -->         its exit code is N, not 0
-<!-- run: in parallel for N s -->  its commands run in parallel; SIGINT ends them after N s, all exit with 0
+<!-- run: in parallel for N s -->  its commands run in parallel; SIGINT ends them after N s,
+                                   all exit with 0
 <!-- run: without a network -->    the network has neither a loopback interface nor a route
-<!-- run: needs FILE -->           without FILE, of an optional part such as build/studies/NAME, it is skipped by name;
-                                   in FILE, * stands for any characters
+<!-- run: needs FILE -->           without FILE, of an optional part such as build/studies/NAME, it
+                                   is skipped by name; in FILE, * stands for any characters
 
-A block ```text after a block is its expected output: its lines occur in the output in the same order, apart from
-numbers; a line ... stands for any lines. Exit code 77: blocks were skipped, and the others run; or this host permits no
-network namespaces.
+A block ```text after a block is its expected output: its lines occur in the output in the same
+order, apart from numbers; a line ... stands for any lines. Exit code 77: blocks were skipped, and
+the others run; or this host permits no network namespaces.
 """
 
 import os
@@ -114,7 +115,8 @@ def commands(block: Block) -> list[str]:
 
 
 def expect_output(expected: Block, printed: str) -> None:
-    """Fails unless the lines of `expected` occur in the output in the same order, apart from numbers."""
+    """Fails unless the lines of `expected` occur in the output in the same order, apart from
+    numbers."""
 
     def shape(line: str) -> str:
         return " ".join(NUMBER.sub("#", line).split())
@@ -197,7 +199,8 @@ def run(block: Block, folder: Path, limit: float = LIMIT) -> str:
 
 
 def run_parallel(duration: float, texts: list[str]) -> int:
-    """Runs the commands in parallel, ends them by SIGINT after `duration` [s]; 0 if all exit with 0."""
+    """Runs the commands in parallel, ends them by SIGINT after `duration` [s]; 0 if all exit with
+    0."""
     processes = [subprocess.Popen([*SHELL, f"exec {text}"]) for text in texts]
     deadline = time.monotonic() + duration
     while time.monotonic() < deadline and any(process.poll() is None for process in processes):

@@ -1,4 +1,5 @@
-"""The test of documented commands detects wrong markers, and commands that fail, hang or print another output."""
+"""The test of documented commands detects wrong markers, and commands that fail, hang or print
+another output."""
 
 import contextlib
 import io

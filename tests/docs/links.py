@@ -2,10 +2,12 @@
 
 usage: links.py SOURCE    exit code 1, with a line for each fault, if there are any
 
-* Every relative link and image of README.md, docs/**/*.md and the README of another folder names a file, and the anchor
+* Every relative link and image of README.md, docs/**/*.md and the README of another folder names a
+file, and the anchor
   of a link to a page is a heading of that page.
 * Every page of docs/ is linked from docs/README.md.
-* Every page of docs/ ends with a comment of questions; the section named after each question is a heading of the page.
+* Every page of docs/ ends with a comment of questions; the section named after each question is a
+heading of the page.
 """
 
 import re

@@ -504,7 +504,8 @@ class StudiesTest(unittest.TestCase):
             sprag.write_scene(Path(folder) / "rig.toml", rig())
             file = Path(folder) / "study.toml"
             file.write_text(
-                'scene = "rig.toml"\nrecord = ["poincare"]\nmachine = { transient = 10, periods = 5 }\n'
+                'scene = "rig.toml"\nrecord = ["poincare"]\n'
+                "machine = { transient = 10, periods = 5 }\n"
             )
             study = sprag.run_study(file)
             self.assertEqual(study["n"].tolist(), [1, 2, 3, 4, 5])

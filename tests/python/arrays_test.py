@@ -1,4 +1,5 @@
-"""Results are views: C order, read-only, without copies, and valid as long as they are referenced."""
+"""Results are views: C order, read-only, without copies, and valid as long as they are
+referenced."""
 
 import gc
 import resource

@@ -7,7 +7,6 @@ import sys
 import tempfile
 import unittest
 
-import sprag
 
 from support import BUILD, SOURCE, free_url, multicast_works
 

@@ -43,7 +43,8 @@ class LiveTest(unittest.TestCase):
             time.sleep(0.01)
 
     def observe_live(self, duration: float, **publisher_options):
-        """Publishes the paper's beam to an observer; returns its settled estimates up to the end."""
+        """Publishes the paper's beam to an observer; returns its settled estimates up to the
+        end."""
         beam = scene()
         events = sprag.simulate(beam, duration, tick=0.0).events
         url = free_url()
