@@ -17,6 +17,7 @@ import re
 import signal
 import sys
 import tempfile
+import tomllib
 import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -43,6 +44,10 @@ class Interrupted(BaseException):
 
 class Read(str):
     """Name of a file that the program reads."""
+
+
+class SceneFile(Read):
+    """Name of a scene or a study, whose files the program reads as well."""
 
 
 class Written(str):
@@ -313,10 +318,10 @@ def _signals_raise() -> Iterator[None]:
     def stop(number: int, frame: FrameType | None) -> NoReturn:
         raise Interrupted
 
-    before = {
-        number: signal.signal(number, stop)
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    }
+    numbers = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # as after nohup
+        numbers.append(signal.SIGHUP)
+    before = {number: signal.signal(number, stop) for number in numbers}
     try:
         yield
     finally:
@@ -327,14 +332,18 @@ def _signals_raise() -> Iterator[None]:
 def _overwritten(parser: Parser, options: argparse.Namespace) -> str:
     """Describes the first output that would overwrite another file of the command line."""
     files: list[tuple[str, str, bool]] = []
+    in_scenes: list[tuple[str, str, bool]] = []
     for action in parser._actions:
         value = getattr(options, action.dest, None)
         name = action.option_strings[-1] if action.option_strings else action.metavar or action.dest
         for item in value if isinstance(value, list) else [value]:
-            if isinstance(item, Labelled):
-                files.append((str(name), item.file, False))
-            elif isinstance(item, (Read, Written)):
-                files.append((str(name), item, isinstance(item, Written)))
+            if not isinstance(item, (Read, Written, Labelled)):
+                continue
+            file = str(item.file if isinstance(item, Labelled) else item)
+            files.append((str(name), file, isinstance(item, Written)))
+            if isinstance(item, SceneFile) or (isinstance(item, Labelled) and _is_toml(file)):
+                in_scenes += [("a file of SCENE", named, False) for named in _files_of_scene(file)]
+    files += in_scenes
     for i, (name, file, is_written) in enumerate(files):
         for other, second, other_is_written in files[i + 1 :]:
             if (is_written or other_is_written) and same_file(file, second):
@@ -342,6 +351,44 @@ def _overwritten(parser: Parser, options: argparse.Namespace) -> str:
                     return f"{name} and {other} are the same file, {file}"
                 return f"{name} {file} and {other} {second} are the same file"
     return ""
+
+
+def _is_toml(file: str) -> bool:
+    return file.endswith(".toml")
+
+
+def _files_of_scene(given: str) -> list[str]:
+    """The files that a scene names; those of a study, and of its scene.
+
+    None of a scene that cannot be read, which the program says itself.
+    """
+    found: list[str] = []
+    waiting: list[str] = [given]
+    while waiting:
+        try:
+            file = Path(scene_file(waiting.pop()))
+            texts = _texts(tomllib.loads(file.read_text("utf-8") if file.is_file() else ""))
+        except (SceneError, OSError, ValueError, RecursionError):
+            continue
+        named = [str(file.parent / text) for text in texts if os.path.isfile(file.parent / text)]
+        waiting += [other for other in named if _is_toml(other) and other not in found]
+        found += named
+    return found
+
+
+def _texts(value: object) -> list[str]:
+    """The texts in a TOML value except names, titles and units, which are no files."""
+    texts: list[str] = []
+    waiting = [value]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            waiting += [v for key, v in value.items() if key not in ("name", "title", "unit")]
+        elif isinstance(value, list):
+            waiting += value
+        elif isinstance(value, str):
+            texts.append(value)
+    return texts
 
 
 def same_file(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> bool:

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 from ._command import (
     EXIT_DONE,
     Parser,
+    SceneFile,
     UsageError,
     count,
     jobs,
@@ -757,7 +758,9 @@ def main() -> int:
         "starts vary. Rows go to DIR/rows.csv. A study that was ended goes on where it was when it "
         "is started again. Threads compute, or the workers of MPI or Dask.",
     )
-    parser.add_argument("STUDY", help="Study file, or the name of one that comes with Sprag")
+    parser.add_argument(
+        "STUDY", type=SceneFile, help="Study file, or the name of one that comes with Sprag"
+    )
     parser.add_argument(
         "--output", metavar="DIR", help="folder of the results; default the study's name"
     )

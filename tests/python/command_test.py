@@ -1,0 +1,116 @@
+"""What the programs in Python have in common: files that they refuse to overwrite, and signals."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+from typing import Any
+
+from sprag._command import Parser, run_program
+
+BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
+SCENE = """name = "rig.csv"
+[system]
+M = "M.csv"
+[[force]]
+direction = [1, 0]
+file = "base.csv"
+"""
+# A module that the programs import; it says which signal handlers there are, and waits.
+SLOW_NUMPY = """import signal, time
+print(repr(signal.getsignal(signal.SIGHUP)), flush=True)
+time.sleep(60)
+"""
+
+
+class FolderTest(unittest.TestCase):
+    def setUp(self) -> None:
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = Path(temporary.name)
+
+    def file(self, name: str, text: str) -> str:
+        path = self.folder / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        return str(path)
+
+
+class OverwriteTest(FolderTest):
+    def test_files_that_a_scene_names_are_inputs(self) -> None:
+        rig = self.file("rig/rig.toml", SCENE)
+        study = self.file("study.toml", 'scene = "rig/rig.toml"\n[[vary]]\nkeys = ["rig.csv"]\n')
+        events = self.file("events.csv", "t\n1\n")
+        inputs = [self.file(f"rig/{name}.csv", "1,0\n0,1\n") for name in ("M", "base")]
+        link = self.folder / "link.csv"
+        link.symlink_to("rig/M.csv")
+        for program, *arguments in [
+            ("import_events", events, rig),
+            ("report", rig, events, "--output", str(self.folder / "a.html")),
+            ("plot", f"a machine={rig}", events, "--output", str(self.folder / "a.png")),
+            ("study", study),
+        ]:
+            for output in [*inputs, str(link)]:
+                with self.subTest(program, output=output):
+                    command = [str(BUILD / "tools" / program), *arguments, "--report", output]
+                    done = subprocess.run(command, capture_output=True, text=True)
+                    self.assertEqual(done.returncode, 2, done.stderr)
+                    self.assertIn("a file of SCENE", done.stderr)
+                    self.assertIn("--report", done.stderr)
+                    self.assertEqual(Path(output).read_text(), "1,0\n0,1\n")
+        with self.subTest("the name of a scene is no file"):
+            named = self.file("rig/rig.csv", "")
+            command = [str(BUILD / "tools/import_events"), events, rig, "--report", named]
+            done = subprocess.run(command, capture_output=True, text=True)
+            self.assertNotIn("same file", done.stderr)
+
+
+class SignalTest(FolderTest):
+    def start(self, ignored: bool = False) -> subprocess.Popen[str]:
+        """The program plot in its imports. Returns after these have begun."""
+        self.file("numpy.py", SLOW_NUMPY)
+        before = signal.getsignal(signal.SIGHUP)
+        self.addCleanup(signal.signal, signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+        process = subprocess.Popen(
+            [BUILD / "tools/plot", "states.csv", "--output", "a.png"],
+            env={**os.environ, "PYTHONPATH": str(self.folder)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.addCleanup(process.communicate)
+        self.addCleanup(process.kill)
+        assert process.stdout
+        self.handler = process.stdout.readline()
+        return process
+
+    def test_a_signal_ends_a_program_in_its_imports(self) -> None:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            with self.subTest(number.name):
+                process = self.start()
+                process.send_signal(number)
+                _, err = process.communicate()
+                self.assertEqual((process.returncode, err), (1, "plot: interrupted\n"))
+
+    def test_an_ignored_hang_up_stays_ignored(self) -> None:
+        self.start(ignored=True)
+        self.assertIn("SIG_IGN", self.handler)
+        self.assertIs(signal.getsignal(signal.SIGHUP), signal.SIG_IGN)
+        handlers = []
+
+        def run(options: argparse.Namespace, report: dict[str, Any]) -> int:
+            handlers.append(signal.getsignal(signal.SIGHUP))
+            return 0
+
+        self.assertEqual(run_program(Parser("test", "A program."), run, []), 0)
+        self.assertEqual(handlers, [signal.SIG_IGN])
+
+
+if __name__ == "__main__":
+    unittest.main()
