@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contact_log.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/events_file.h"
 #include "tests/end_to_end/fixture.h"
@@ -144,15 +145,9 @@ TEST_F(DamagedInputTest, StrayBytesLoseOnlyCoveredMessages) {
 
 TEST_F(DamagedInputTest, DiagnosisUsesReadablePart) {
   const std::string events = simulate(scene("paper_beam"), "60", "1");
-  std::string impacts = "t\n";
-  for (const ContactEvent& event : read_events(events, 1).events) {
-    append_number(impacts, event.t);
-    impacts += '\n';
-  }
-  ASSERT_EQ(run("import_events", {write_text(file("impacts.csv"), impacts), scene("paper_beam"),
-                                  "--output", file("whole.lcmlog")})
-                .code,
-            0);
+  std::vector<ContactEvent> impacts = read_events(events, 1).events;
+  for (ContactEvent& event : impacts) event.kind = ContactEventKind::pulse;
+  write_contact_log(file("whole.lcmlog"), impacts, 1, 0.0, std::nullopt);
   ASSERT_EQ(run("diagnose", {file("whole.lcmlog"), scene("paper_beam")}).code, 0);
   std::string log = text("whole.lcmlog");
   const std::vector<std::size_t> offsets = record_offsets(log);

@@ -5,6 +5,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
+#include "lcmtypes/contact_log.h"
 #include "lcmtypes/contacts_codec.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/events_file.h"
@@ -215,7 +216,9 @@ TEST_F(RecordingTest, MessagesThatAReplayLeavesOutAreNamed) {
 TEST_F(RecordingTest, PipesAreReadLikeFiles) {
   const std::string events = simulate(beam_, "15", "0.1");
   const std::string impacts = write_text(file("impacts.csv"), "t\n0.5\n1\n");
-  ASSERT_EQ(run("import_events", {impacts, beam_, "--output", file("impacts.lcmlog")}).code, 0);
+  const std::vector<ContactEvent> pulses{{0.5, 0, ContactEventKind::pulse},
+                                         {1.0, 0, ContactEventKind::pulse}};
+  write_contact_log(file("impacts.lcmlog"), pulses, 1, 0.0, std::nullopt);
   const auto piped = [&](const char* script, const Arguments& arguments) {
     const Ended ended = end_of(start_command(Arguments{"sh", "-c", script} + arguments));
     EXPECT_EQ(ended.code, 0) << ended.err;

@@ -84,9 +84,9 @@ TEST_F(DiagnoseProgramTest, DiagnosesImportedImpacts) {
     rig += '\n';
   }
   write_text(path("rig.csv"), rig);
-  ASSERT_EQ(run(IMPORT_EVENTS, {path("rig.csv"), paper_beam, "--output", path("rig.lcmlog")}).code,
+  ASSERT_EQ(run(IMPORT_EVENTS, {path("rig.csv"), paper_beam, "--output", path("events.csv")}).code,
             0);
-  const Ended ended = diagnose({path("rig.lcmlog"), paper_beam});
+  const Ended ended = diagnose({path("events.csv"), paper_beam});
   EXPECT_EQ(ended.code, 3) << ended.err;
   EXPECT_NE(ended.out.find("restitution 0.65 instead of 0.7"), std::string::npos) << ended.out;
 }

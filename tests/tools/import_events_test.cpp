@@ -1,4 +1,4 @@
-// The core of import_events: decimals, columns, the choice of columns, debouncing and pulses.
+// The parts of listen that read numbers, times and columns, and the rules for bounces and pulses.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -12,9 +12,7 @@
 #include "sprag/detail/import/import.h"
 #include "sprag/detail/import/levels.h"
 #include "sprag/detail/import/unit.h"
-#include "tests/support/random.h"
 #include "tools/import_events/choice.h"
-#include "tools/import_events/hints.h"
 
 namespace sprag {
 namespace {
@@ -576,109 +574,6 @@ TEST(ColumnFileTest, FileWithoutHeaderTakesGivenNames) {
             "x.csv:2: has 3 fields; --columns names 2 columns");
   EXPECT_NE(message_of([] { parse_columns("1,2\n", "x.csv"); }).find("--columns NAME,..."),
             std::string::npos);
-}
-
-Import imported(std::vector<ContactEvent> events, std::int64_t sustained) {
-  Import import;
-  import.events = std::move(events);
-  import.figures = {{.contact = 0, .sustained = sustained }};
-  return import;
-}
-
-TEST(HintTest, TooShortSustainedContactsAreReported) {
-  std::vector<ContactEvent> events;
-  for (int k = 0; k < 20; ++k) {
-    events.push_back({0.1 * k, 0, closes});
-    events.push_back({0.1 * k + 1e-4, 0, opens});
-  }
-  const auto hints = hints_at_bounces(imported(events, 20));
-  ASSERT_EQ(hints.size(), 1U);
-  EXPECT_TRUE(
-      hints[0].starts_with("contact 1: 20 of 20 sustained contacts last less than 0.001 s "
-                           "(median 0.0001 s). Impacts"))
-      << hints[0];
-  EXPECT_NE(hints[0].find("--debounce"), std::string::npos);
-  EXPECT_NE(hints[0].find("--pulse-shorter-than"), std::string::npos);
-
-  // Slow machines with contacts of 5 ms every 10 s, and bounces.
-  events.clear();
-  for (int k = 0; k < 20; ++k) {
-    for (const double bounce : {0.0, 8e-3}) {
-      events.push_back({100.0 * k + bounce, 0, closes});
-      events.push_back({100.0 * k + bounce + 5e-3, 0, opens});
-    }
-  }
-  events.push_back({2000.0, 0, closes});
-  events.push_back({2000.0 + 1.0, 0, opens});
-  events.push_back({2100.0, 0, closes});
-  const auto slow = hints_at_bounces(imported(events, 42));
-  ASSERT_EQ(slow.size(), 1U);
-  EXPECT_TRUE(slow[0].starts_with("contact 1: 40 of 41 sustained contacts last less than 0.1 s"))
-      << slow[0];
-  EXPECT_NE(slow[0].find("20 closings follow an opening as closely"), std::string::npos) << slow[0];
-
-  for (ContactEvent& event : events) {
-    if (event.kind == opens) event.t += 0.5;
-  }
-  EXPECT_TRUE(hints_at_bounces(imported(events, 42)).empty());
-}
-
-/// Closings at random times, of two contacts or impacts of one.
-std::vector<Closing> random_closings(std::uint64_t seed, double mean, int contacts, bool impact) {
-  Random random(seed);
-  std::vector<Closing> closings;
-  double t = 0.0;
-  for (int k = 0; k < 300; ++k) {
-    t += -mean * std::log(1.0 - random.uniform(0.0, 1.0));
-    closings.push_back({t, random.integer(0, contacts - 1), impact});
-  }
-  return closings;
-}
-
-/// Like a sensor that is polled every `period` and stamps its findings one after the other.
-std::vector<Closing> in_batches(std::vector<Closing> closings, double period, double apart) {
-  double last = 0.0;
-  int before = 0;
-  for (Closing& closing : closings) {
-    const double read = period * std::ceil(closing.t / period);
-    before = read == last ? before + 1 : 0;
-    last = read;
-    closing.t = read + apart * before;
-  }
-  return closings;
-}
-
-TEST(HintTest, BatchedTimeStampsAreDetected) {
-  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-    const bool impact = seed % 2 == 0;
-    const int contacts = impact ? 1 : 2;
-    const auto closings = random_closings(seed, 0.02, contacts, impact);
-    EXPECT_FALSE(find_batches(closings)) << "seed " << seed;
-    for (const double period : {0.01, 0.04}) {
-      for (const double apart : {0.0, 1e-5}) {
-        const auto batches = find_batches(in_batches(closings, period, apart));
-        ASSERT_TRUE(batches) << "seed " << seed << ", " << period << ", " << apart;
-        EXPECT_NEAR(batches->period, period, 0.01 * period) << "seed " << seed;
-        EXPECT_GT(batches->events, 50U);
-      }
-    }
-  }
-  const std::string text = to_text({.period = 0.01, .events = 120}, 300);
-  EXPECT_TRUE(text.starts_with("time stamps come in batches: 120 of 300 closings")) << text;
-}
-
-// A bouncing contact also has several closings in short succession, but not by batches of a sensor.
-TEST(HintTest, BouncesAndPeriodicMotionsAreNotBatches) {
-  std::vector<Closing> bounces;
-  std::vector<Closing> periodic;
-  for (int k = 0; k < 200; ++k) {
-    for (int bounce = 0; bounce < 3; ++bounce) bounces.push_back({0.05 * k + 1e-4 * bounce, 0});
-    periodic.push_back({0.05 * k, 0});
-    periodic.push_back({0.05 * k + 0.02, 1});
-  }
-  EXPECT_FALSE(find_batches(bounces));
-  EXPECT_FALSE(find_batches(periodic));
-  EXPECT_FALSE(find_batches({}));
 }
 
 }  // namespace

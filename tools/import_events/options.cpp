@@ -10,23 +10,17 @@
 #include "sprag/detail/import/unit.h"
 
 namespace sprag {
-namespace {
-
-void add_columns(CLI::App& app, const std::string& name, ColumnRole role,
-                 std::vector<ColumnOption>& columns, const std::string& help) {
-  const auto add = [&columns, role](const std::string& text) { columns.push_back({role, text}); };
-  // Called for each option in turn, since contacts are numbered in the order of all these options.
-  app.add_option_function<std::string>(name, add, help)
-      ->trigger_on_parse()
-      ->type_name("[CONTACT=]NAME");
-}
-
-}  // namespace
 
 void add_level_columns(CLI::App& app, std::vector<ColumnOption>& columns) {
-  add_columns(
-      app, "--level", ColumnRole::level, columns,
-      "Column of levels, high while the contact is closed; repeatable. Times are in --time");
+  const auto add = [&columns](const std::string& text) {
+    columns.push_back({ColumnRole::level, text});
+  };
+  // Called for each option in turn, since contacts are numbered in the order of the options.
+  app.add_option_function<std::string>(
+         "--level", add,
+         "Column of levels, high while the contact is closed; repeatable. Times are in --time")
+      ->trigger_on_parse()
+      ->type_name("[CONTACT=]NAME");
 }
 
 void add_level_options(CLI::App& app, LevelOptions& levels) {
@@ -110,21 +104,6 @@ void add_edge_rules(CLI::App& app, double& debounce, double& pulse_shorter_than)
                "Merge closings of a contact that follow within T [s]");
   add_positive(app, "--pulse-shorter-than", pulse_shorter_than, "T",
                "Take contacts shorter than T [s] as pulses, at their closing");
-}
-
-void add_import_options(CLI::App& app, ImportRun& run) {
-  add_columns(app, "--impacts", ColumnRole::impacts, run.columns,
-              "Column of impact times; repeatable");
-  add_columns(app, "--on", ColumnRole::on, run.columns,
-              "Column of times at which a contact closes; repeatable, each with an --off");
-  add_columns(app, "--off", ColumnRole::off, run.columns, "Column of times at which it opens");
-  add_level_columns(app, run.columns);
-  add_level_options(app, run.levels);
-  add_time_options(app, run.unit, run.import.offset, run.import.rate);
-  add_edge_rules(app, run.import.debounce, run.import.pulse_shorter_than);
-  add_positive(app, "--duration", run.import.duration, "T",
-               "Leave out events after this time [s]; a log ends there");
-  add_format_options(app, run.names, run.separator);
 }
 
 }  // namespace sprag

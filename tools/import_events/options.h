@@ -1,8 +1,13 @@
-// Options that say where the times of contacts are in a file and how they become events.
+// Options that say where the times of contacts are in lines and how they become events.
 #pragma once
 
+#include <optional>
+#include <string>
+#include <vector>
+
 #include "sprag/contact_clock.h"
-#include "tools/import_events/run.h"
+#include "sprag/detail/import/levels.h"
+#include "tools/import_events/choice.h"
 
 namespace CLI {
 class App;
@@ -10,7 +15,7 @@ class App;
 
 namespace sprag {
 
-/// Options that import_events and listen have in common. What they fill must outlive `app`.
+/// What the options fill must outlive `app`.
 /// --level.
 void add_level_columns(CLI::App& app, std::vector<ColumnOption>& columns);
 /// --time, --threshold, --inverted, --impacts-at.
@@ -25,9 +30,5 @@ void add_format_options(CLI::App& app, std::vector<std::string>& names,
                         std::optional<char>& separator);
 /// --debounce, --pulse-shorter-than.
 void add_edge_rules(CLI::App& app, double& debounce, double& pulse_shorter_than);
-
-/// Adds all options but the common ones, FILE, SCENE and --output. Parsing fills `run`, which must
-/// outlive `app`.
-void add_import_options(CLI::App& app, ImportRun& run);
 
 }  // namespace sprag

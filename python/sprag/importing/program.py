@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,7 @@ from .._command import (
     EXIT_DONE,
     Parser,
     Read,
+    SceneFile,
     UsageError,
     Written,
     choose,
@@ -96,7 +98,7 @@ def _parser() -> Parser:
     parser.add_argument(
         "scene",
         metavar="SCENE",
-        type=Read,
+        type=SceneFile,
         nargs="?",
         help="scene: a file (TOML), or the name of one that `sprag scenes` lists",
     )
@@ -387,7 +389,15 @@ def _print_hints(imported: Imported, report: dict[str, Any]) -> None:
 @contextlib.contextmanager
 def _csv(output: str | None) -> Iterator[IO[str]]:
     if not output:
-        yield sys.stdout
+        try:
+            yield sys.stdout
+            sys.stdout.flush()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            # Python would flush again at exit, and fail again.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise Error(f"standard output: {error.strerror}") from None
         return
     try:
         with written(output) as temporary:

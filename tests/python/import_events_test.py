@@ -1,0 +1,225 @@
+"""The program import_events with the other programs: messages, exit codes and files."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
+SCENES = Path(os.environ["SPRAG_SOURCE_DIR"]) / "scenes"
+BEAM = str(SCENES / "paper_beam.toml")
+COMPILED = importlib.util.find_spec("sprag._core") is not None
+HEAD = "t,contact,closed\n"
+
+
+def in_milliseconds(t: str, offset: int, mark: str) -> str:
+    """t [s] on a clock that is `offset` seconds ahead, digit by digit."""
+    digits = f"{float(t):.24f}"
+    point = digits.index(".")
+    whole = int(digits[:point]) + offset
+    return f"{whole}{digits[point + 1 : point + 4]}{mark}{digits[point + 4 :]}"
+
+
+class ProgramTest(unittest.TestCase):
+    def setUp(self) -> None:
+        self.temporary = tempfile.TemporaryDirectory()
+        self.folder = Path(self.temporary.name)
+        self.addCleanup(self.temporary.cleanup)
+
+    def file(self, name: str, text: str | None = None) -> str:
+        if text is not None:
+            (self.folder / name).write_text(text)
+        return str(self.folder / name)
+
+    def run_import(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        command = [str(BUILD / "tools/import_events"), "--report", self.file("report.json")]
+        return subprocess.run(
+            [*command, *arguments], capture_output=True, text=True, cwd=self.folder
+        )
+
+    def report(self) -> dict:
+        return json.loads((self.folder / "report.json").read_text())
+
+    def simulate(self, scene: str, duration: str) -> list[list[str]]:
+        """Rows of the master's events, also in original.csv."""
+        subprocess.run(
+            [os.environ["MASTER_SIM"], str(SCENES / f"{scene}.toml"), "--duration", duration,
+             "--speed", "max", "--no-lcm", "--events", self.file("original.csv")],
+            check=True, capture_output=True,
+        )  # fmt: skip
+        lines = (self.folder / "original.csv").read_text().split()
+        return [line.split(",") for line in lines[1:]]
+
+    def replay(self, scene: str, recording: str, *more: str) -> bytes:
+        subprocess.run(
+            [os.environ["OBSERVER"], str(SCENES / f"{scene}.toml"), "--replay", recording,
+             "--tick", "0.01", "--states", self.file("states.csv"), "--events",
+             self.file("used.csv"), *more],
+            check=True, capture_output=True,
+        )  # fmt: skip
+        return (self.folder / "states.csv").read_bytes()
+
+    def test_impacts_on_another_clock_are_restored(self) -> None:
+        rows = self.simulate("paper_beam", "100")
+        pulses = [
+            a[0] for a, b in zip(rows, rows[1:]) if a[0] == b[0] and (a[2], b[2]) == ("1", "0")
+        ]
+        self.assertGreater(len(pulses), 100)
+        expected = HEAD + "".join(f"{t},1,1\n{t},1,0\n" for t in pulses)
+        text = "\ufeffNr.;Impact [ms]\r\n"
+        for i, t in enumerate(pulses):
+            text += f'{i};"{in_milliseconds(t, 1732190400, ",")}"\r\n'
+        arguments = (
+            self.file("rig.csv", text), BEAM, "--impacts", "Impact [ms]", "--offset",
+            "1732190400000",
+        )  # fmt: skip
+        done = self.run_import(*arguments)
+        self.assertEqual((done.returncode, done.stdout), (0, expected), done.stderr)
+        self.assertIn("times in ms, as column 'Impact [ms]' says", done.stderr)
+        self.assertEqual(self.report()["contacts"][0]["pulses"], len(pulses))
+        if COMPILED:
+            done = self.run_import(*arguments, "--output", self.file("rig.lcmlog"))
+            self.assertEqual(done.returncode, 0, done.stderr)
+            states = self.replay("paper_beam", self.file("events.csv", expected))
+            self.assertEqual(self.replay("paper_beam", self.file("rig.lcmlog")), states)
+            self.assertEqual((self.folder / "used.csv").read_text(), expected)
+
+    @unittest.skipUnless(COMPILED, "no _core")
+    def test_sustained_contacts_are_restored(self) -> None:
+        rows = self.simulate("paper_beam_chatter", "20")
+        text = "closes\topens\n"
+        for t, _, closed in rows:
+            stamp = in_milliseconds(t, 0, ".")
+            text += f"{stamp}\t\n" if closed == "1" else f"\t{stamp}\n"
+        done = self.run_import(
+            self.file("rig.tsv", text), str(SCENES / "paper_beam_chatter.toml"),
+            "--on", "closes", "--off", "opens", "--unit", "ms",
+        )  # fmt: skip
+        self.assertEqual(done.stdout, (self.folder / "original.csv").read_text(), done.stderr)
+        self.assertGreater(self.report()["contacts"][0]["sustained"], 1)
+
+    @unittest.skipUnless(COMPILED, "no _core")
+    def test_a_signed_log_is_read_only_with_the_key(self) -> None:
+        key = self.file("key", "a" * 64 + "\n")
+        log = self.file("rig.lcmlog")
+        done = self.run_import(
+            self.file("rig.csv", "t\n0.5\n1\n"), BEAM, "--key", key, "--output", log
+        )
+        self.assertEqual(done.returncode, 0, done.stderr)
+        used = self.folder / "used.csv"
+        self.replay("paper_beam", log, "--key", key)
+        self.assertEqual(used.read_text(), HEAD + "0.5,1,1\n0.5,1,0\n1,1,1\n1,1,0\n")
+        self.replay("paper_beam", log)
+        self.assertEqual(used.read_text(), HEAD)
+
+    @unittest.skipUnless(COMPILED, "no _core")
+    def test_bounces_are_reported(self) -> None:
+        capture = "".join(
+            f"{0.05 * k + 5e-5 * edge:.6f},{1 - edge % 2}\n"
+            for k in range(1, 41)
+            for edge in range(6)
+        )
+        file = self.file("capture.csv", capture)
+        done = self.run_import(file, BEAM, "--level", "level")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--columns NAME,...", done.stderr)
+        arguments = ("--columns", "time,level", file, BEAM, "--level", "level")
+        done = self.run_import(*arguments)
+        self.assertIn("120 of 120 sustained contacts last less than 0.001 s", done.stderr)
+        self.assertEqual(len(self.report()["hints"]), 1)
+        done = self.run_import(*arguments, "--debounce", "1e-3", "--pulse-shorter-than", "1e-3")
+        self.assertEqual(self.report()["contacts"][0]["pulses"], 40)
+        self.assertEqual(self.report()["hints"], [])
+
+    def test_bad_rows_are_named_and_left_out(self) -> None:
+        text = "t\n0.5\n" + "x\n1.5\n" * 25 + "1.75\n1.8\n"
+        text = text.replace("1.5\n", "{:.2f}\n").format(*(1 + 0.01 * k for k in range(25)))
+        done = self.run_import(self.file("rig.csv", text), BEAM)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.stdout.count(",1,1\n"), 28)
+        self.assertIn("rig.csv:3: column t: x is neither a finite number nor a time", done.stderr)
+        self.assertIn("rig.csv: 5 more bad rows left out", done.stderr)
+        self.assertEqual(self.report()["bad_rows"], 25)
+
+    def test_no_event_is_a_failure_without_output(self) -> None:
+        output = self.file("events.csv")
+        rig = self.file("rig.csv", "t\n1\n2\nx\n")
+        done = self.run_import(rig, BEAM, "--offset", "5", "--output", output)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("no event is left", done.stderr)
+        self.assertFalse(Path(output).exists())
+        self.assertEqual(self.report()["before_start"], 2)
+
+    def test_a_late_first_event_is_reported(self) -> None:
+        rig = self.file("rig.csv", "t\n1732190400.5\n")
+        self.assertIn("--offset", self.run_import(rig, BEAM).stderr)
+        self.assertNotIn("--offset", self.run_import(rig, BEAM, "--offset", "1732190400").stderr)
+
+    def test_bad_usage_and_input_exit_with_2(self) -> None:
+        rig = self.file("rig.csv", "impact,on,off\n1,2,3\n")
+        fast = self.file("fast.toml", Path(BEAM).read_text() + "\n[clock]\nrate = 1.0002\n")
+        named = (rig, BEAM, "--impacts", "impact")
+        for arguments, said in [
+            ((), "FILE"), ((rig,), "SCENE is required"), ((self.file("no"), BEAM), "No such file"),
+            ((str(self.folder), BEAM), "Is a directory"), ((rig, "absent.toml"), "absent.toml"),
+            ((rig, BEAM), "name the columns with --impacts"), ((rig, rig), "is no TOML"),
+            ((rig, BEAM, "--impacts", "impcat"), "did you mean 'impact'?"),
+            ((rig, BEAM, "--impacts", "2=impact"), "the scene has 1 contact"),
+            ((rig, BEAM, "--impacts", "impact", "--impacts", "on"), "for contact 2"),
+            ((rig, BEAM, "--on", "on"), "--on without --off"),
+            ((rig, BEAM, "--off", "on"), "no --on"),
+            ((*named, "--impacts", "1=on"), "must all be alike"),
+            ((*named, "--unit", "min"), "min; choose s, ms, us, ns or a number of seconds > 0"),
+            ((*named, "--offset", "nan"), "a finite number"), ((*named, "--debounce", "0"), "> 0"),
+            ((*named, "--separator", "x"), "x; choose comma, semicolon, tab or blank"),
+            ((*named, "--output", "x.txt"), ".csv or .lcmlog"),
+            ((*named, "--output", rig), "FILE and --output are the same file"),
+            ((rig, fast, "--impacts", "impact", "--rate", "1.1"), "the same clock twice"),
+            ((rig, BEAM, "--record", "on"), "--record needs no SCENE"),
+        ]:  # fmt: skip
+            with self.subTest(said):
+                done = self.run_import(*arguments)
+                self.assertEqual(done.returncode, 2, done.stderr)
+                self.assertIn(said, done.stderr)
+        self.assertEqual(Path(rig).read_text(), "impact,on,off\n1,2,3\n")
+
+    def test_an_output_that_cannot_be_written_fails(self) -> None:
+        rig = self.file("rig.csv", "t\n1\n")
+        done = self.run_import(rig, BEAM, "--output", "/nowhere/events.csv")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("/nowhere/events.csv", done.stderr)
+
+    def test_a_signal_becomes_a_record(self) -> None:
+        text = "Zeit [ms];a [g]\n0,0;1,0\n2,0;2,5\n4,0;1,0\n6,0;0,0\n"
+        output = self.file("base.csv")
+        file = self.file("rig.csv", text)
+        done = self.run_import(file, "--record", "a [g]", "--output", output)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        record = "t [s],a [g]\n0,1\n0.002,2.5\n0.0040000000000000001,1\n0.0060000000000000001,0\n"
+        self.assertEqual(Path(output).read_text(), record)
+        gap = self.file("gap.csv", text.replace("2,5", ""))
+        done = self.run_import(gap, "--record", "a [g]")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("gap.csv:3: a sample has no value", done.stderr)
+
+    def test_a_missing_compiled_part_is_named(self) -> None:
+        code = (
+            "import sys; sys.modules['sprag._core'] = None\n"
+            "from sprag.importing import program\n"
+            "sys.exit(program.main())"
+        )
+        capture = self.file("capture.csv", "Time [s],D0\n0,0\n1,1\n2,0\n")
+        command = [sys.executable, "-c", code, capture, BEAM, "--level", "D0"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("install python3-sprag", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
