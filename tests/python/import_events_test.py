@@ -132,6 +132,7 @@ class ProgramTest(unittest.TestCase):
         arguments = ("--columns", "time,level", file, BEAM, "--level", "level")
         done = self.run_import(*arguments)
         self.assertIn("120 of 120 sustained contacts last less than 0.001 s", done.stderr)
+        self.assertIn("longer than a twentieth of the period of the scene's fastest", done.stderr)
         self.assertEqual(len(self.report()["hints"]), 1)
         done = self.run_import(*arguments, "--debounce", "1e-3", "--pulse-shorter-than", "1e-3")
         self.assertEqual(self.report()["contacts"][0]["pulses"], 40)

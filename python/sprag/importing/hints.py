@@ -75,7 +75,9 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
             f"contact {of.contact}: {brief} of {len(lengths)} sustained contacts last less than "
             f"{limit:.3g} s (median {_median(lengths):.3g} s){also}. Impacts are as short, and "
             "electrical contacts bounce: --pulse-shorter-than T makes impacts of contacts shorter "
-            "than T, --debounce T one contact of those that follow within T"
+            "than T, --debounce T one contact of those that follow within T. A burst of hits of a "
+            "stiff structure that lasts longer than a twentieth of the period of the scene's "
+            "fastest mode is a sustained contact, not an impact (check_scene names such scenes)"
         )
     return hints
 
