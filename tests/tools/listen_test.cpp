@@ -1,4 +1,4 @@
-// The core of listen: lines, the device's clock, edges to events as import_events makes them.
+// The core of listen: lines, the device's clock, edges to events as those of a recording.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "command_line/program.h"
-#include "sprag/detail/import/import.h"
+#include "sprag/detail/import/recorded_edges.h"
 #include "tests/support/random.h"
 #include "tools/listen/arrival_scatter.h"
 #include "tools/listen/intake.h"
@@ -75,12 +75,13 @@ std::string text_of(double t) {
 /// Rows of levels that bounce, on a grid of 0.5 ms, so that times equal limits.
 std::vector<Row> random_rows(Random& random, int contacts, int count) {
   std::vector<Row> rows;
-  Row row{0.5e-3 * random.integer(-100, 100), std::vector<int>(static_cast<std::size_t>(contacts))};
+  Row row{random.integer(-100, 100) / 2e3, std::vector<int>(static_cast<std::size_t>(contacts))};
   for (int& level : row.levels) level = random.integer(0, 1);
   for (int i = 0; i < count; ++i) {
     rows.push_back(row);
-    row.t = 0.5e-3 * std::round(2e3 * row.t + (random.chance(0.6) ? random.integer(1, 8)
-                                                                  : random.integer(1, 400)));
+    row.t = std::round(2e3 * row.t +
+                       (random.chance(0.6) ? random.integer(1, 8) : random.integer(1, 400))) /
+            2e3;
     int& level = row.levels[static_cast<std::size_t>(random.integer(0, contacts - 1))];
     if (random.chance(0.9)) level = 1 - level;
   }
@@ -101,8 +102,7 @@ IntakeOptions random_options(Random& random, int contacts) {
   IntakeOptions options;
   options.lines.contacts = contacts;
   for (int i = 1; i <= contacts; ++i) {
-    options.lines.levels.push_back(
-        {ColumnRole::level, std::to_string(i) + "=C" + std::to_string(i)});
+    options.lines.levels.push_back(std::to_string(i) + "=C" + std::to_string(i));
   }
   options.inverted = random.chance(0.5);
   options.impacts = std::array{Edge::closed, Edge::closed, Edge::rising, Edge::falling,
@@ -115,42 +115,60 @@ IntakeOptions random_options(Random& random, int contacts) {
   return options;
 }
 
-/// The events that import_events makes of the same rows.
-Import offline(const std::string& table, const IntakeOptions& options) {
-  ColumnFile columns = parse_columns(table, "table");
-  auto chosen = choose_columns(options.lines.levels, columns, options.lines.contacts, "table");
-  expand_levels(
-      {.time = "", .threshold = {}, .inverted = options.inverted, .impacts = options.impacts},
-      "table", columns, chosen);
-  return import_events(columns, chosen,
-                       {.unit = {1, 0},
-                        .offset = options.clock.offset,
-                        .debounce = options.rules.debounce,
-                        .pulse_shorter_than = options.rules.pulse_shorter_than,
-                        .duration = options.rules.duration});
-}
+/// The events of all rows together, and their counts for each contact.
+struct Recorded {
+  std::vector<ContactEvent> events;
+  std::vector<EdgeCounts> counts;
+};
 
-void expect_same(const Kept& kept, const Intake& intake, const Import& import) {
-  ASSERT_EQ(kept.sessions.size(), 1U);
-  EXPECT_EQ(kept.sessions[0], import.events);
-  for (const ContactFigures& of : import.figures) {
-    const EdgeCounts counts = intake.edge_counts(of.contact);
-    EXPECT_EQ(counts.pulses, of.pulses);
-    EXPECT_EQ(counts.sustained, of.sustained);
-    EXPECT_EQ(counts.merged, of.merged);
+Recorded offline(const std::vector<Row>& rows, const IntakeOptions& options) {
+  Recorded result;
+  for (int contact = 0; contact < options.lines.contacts; ++contact) {
+    LevelEdges levels(0.5, options.inverted);
+    std::vector<double> closings, openings, impacts;
+    for (const Row& row : rows) {
+      const bool first = !levels.high();
+      const LevelChange change = levels.take(row.levels[static_cast<std::size_t>(contact)]);
+      const bool rises = change == LevelChange::rises, falls = change == LevelChange::falls;
+      if (options.impacts == Edge::closed) {
+        if (rises || (first && *levels.high())) closings.push_back(row.t);
+        if (falls) openings.push_back(row.t);
+      } else if ((rises && options.impacts != Edge::falling) ||
+                 (falls && options.impacts != Edge::rising)) {
+        impacts.push_back(row.t);
+      }
+    }
+    const RecordedEvents made = events_of(contact, {closings, openings, impacts}, options.rules);
+    result.events.insert(result.events.end(), made.events.begin(), made.events.end());
+    result.counts.push_back(made.counts);
   }
-  EXPECT_EQ(intake.edge_counts().before_start, import.before_start);
-  EXPECT_EQ(intake.edge_counts().after_duration, import.after_duration);
+  std::ranges::stable_sort(result.events, {}, &ContactEvent::t);
+  return result;
 }
 
-TEST(ListenPropertyTest, BytesInAnyPiecesGiveTheEventsOfImportEvents) {
+void expect_same(const Kept& kept, const Intake& intake, const Recorded& recorded) {
+  ASSERT_EQ(kept.sessions.size(), 1U);
+  EXPECT_EQ(kept.sessions[0], recorded.events);
+  for (int contact = 0; contact < std::ssize(recorded.counts); ++contact) {
+    const EdgeCounts& expected = recorded.counts[static_cast<std::size_t>(contact)];
+    const EdgeCounts counts = intake.edge_counts(contact);
+    EXPECT_EQ(counts.pulses, expected.pulses);
+    EXPECT_EQ(counts.sustained, expected.sustained);
+    EXPECT_EQ(counts.merged, expected.merged);
+    EXPECT_EQ(counts.before_start, expected.before_start);
+    EXPECT_EQ(counts.after_duration, expected.after_duration);
+  }
+}
+
+TEST(ListenPropertyTest, BytesInAnyPiecesGiveTheEventsOfARecording) {
   for (std::uint64_t seed = 1; seed <= 400; ++seed) {
     SCOPED_TRACE(seeded(seed));
     Random random(seed);
     const int contacts = random.integer(1, 3);
     IntakeOptions options = random_options(random, contacts);
     options.clock.speed = unpaced;
-    const std::string table = table_of(random_rows(random, contacts, 120), 100.0);
+    const std::vector<Row> rows = random_rows(random, contacts, 120);
+    const std::string table = table_of(rows, 100.0);
     Kept kept;
     Intake intake(options, kept);
     for (std::size_t at = 0; at < table.size();) {
@@ -160,14 +178,14 @@ TEST(ListenPropertyTest, BytesInAnyPiecesGiveTheEventsOfImportEvents) {
       at += size;
     }
     intake.finish();
-    expect_same(kept, intake, offline(table, options));
+    expect_same(kept, intake, offline(rows, options));
     EXPECT_EQ(intake.counts().bad_lines, 0);
     if (testing::Test::HasFailure()) break;
   }
 }
 
 // The watermark runs ahead of the lines by this host's clock, and no edge comes too late.
-TEST(ListenPropertyTest, PacedLinesWithDelaysGiveTheEventsOfImportEvents) {
+TEST(ListenPropertyTest, PacedLinesWithDelaysGiveTheEventsOfARecording) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     SCOPED_TRACE(seeded(seed));
     Random random(seed);
@@ -195,7 +213,7 @@ TEST(ListenPropertyTest, PacedLinesWithDelaysGiveTheEventsOfImportEvents) {
       take_line(now);
     }
     intake.finish();
-    expect_same(kept, intake, offline(table, options));
+    expect_same(kept, intake, offline(rows, options));
     EXPECT_EQ(intake.counts().late_edges, 0);
     EXPECT_TRUE(kept.problems.empty()) << kept.problems[0];
     if (testing::Test::HasFailure()) break;
@@ -342,7 +360,7 @@ IntakeOptions plain(double speed = unpaced) {
 /// Rows of time, level and acceleration, every 2 ms, in units of 10 m/s^2.
 IntakeOptions with_input() {
   IntakeOptions options = plain();
-  options.lines.levels = {{ColumnRole::level, "1=hit"}};
+  options.lines.levels = {"1=hit"};
   options.lines.input = "ax";
   options.input.dt = 2e-3;
   options.input.unit = 10.0;
@@ -692,7 +710,7 @@ TEST(ListenTest, LinesAreReadInManyFormats) {
   };
   const auto same = with([](IntakeOptions&) {});
   const auto channels = with([](IntakeOptions& options) {
-    options.lines.levels = {{ColumnRole::level, "1=D0"}, {ColumnRole::level, "2=D3"}};
+    options.lines.levels = {"1=D0", "2=D3"};
   });
   const std::vector<ContactEvent> one{{1.5, 1, closes}};
   const std::vector<Case> cases{
@@ -746,10 +764,7 @@ TEST(ListenTest, HeadersThatCannotBeUsedAreNamed) {
   const auto unchanged = [](IntakeOptions&) {};
   EXPECT_NE(why("contact,level\n", unchanged).find("--stamp arrival"), std::string::npos);
   EXPECT_NE(why("time,time2,level\n", unchanged).find("--time NAME"), std::string::npos);
-  EXPECT_NE(why("Time,D0\n",
-                [](IntakeOptions& options) {
-                  options.lines.levels = {{ColumnRole::level, "1=D1"}};
-                })
+  EXPECT_NE(why("Time,D0\n", [](IntakeOptions& options) { options.lines.levels = {"1=D1"}; })
                 .find("the columns are 'Time', 'D0'"),
             std::string::npos);
   EXPECT_NE(why("time [min],contact,level\n", unchanged).find("--unit"), std::string::npos);
@@ -758,11 +773,30 @@ TEST(ListenTest, HeadersThatCannotBeUsedAreNamed) {
 TEST(ListenTest, OptionsThatDoNotFitAreBadUsage) {
   Kept kept;
   IntakeOptions options = plain();
-  options.lines.levels = {{ColumnRole::level, "2=D1"}};
+  options.lines.levels = {"2=D1"};
   EXPECT_THROW(Intake(options, kept), UsageError);
   options = plain();
   options.lines.names = {"a", "b"};
   EXPECT_THROW(Intake(options, kept), UsageError);
+  const auto why = [&](const Texts& levels) -> std::string {
+    options = plain();
+    options.lines.contacts = 3;
+    options.lines.levels = levels;
+    try {
+      Intake(options, kept);
+    } catch (const UsageError& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  EXPECT_EQ(why({"a", "x=1", "b"}), "none");
+  EXPECT_EQ(why({"3=a", "1=x=1"}), "none");
+  EXPECT_EQ(why({"4=a"}), "--level a is for contact 4; the scene has 3 contacts, counted from 1");
+  EXPECT_NE(why({"0=a"}).find("is for contact 0"), std::string::npos);
+  EXPECT_NE(why({"99999999999999999999=a"}).find("the scene has 3"), std::string::npos);
+  EXPECT_NE(why({"a", "b", "c", "d"}).find("is for contact 4"), std::string::npos);
+  EXPECT_EQ(why({"1=a", "1=b"}), "--level b is a second --level for contact 1");
+  EXPECT_NE(why({"1=a", "b"}).find("must all be alike"), std::string::npos);
 }
 
 TEST(ListenTest, TheScatterOfArrivalIsMeasured) {
@@ -792,7 +826,7 @@ TEST(ListenTest, TheScatterOfArrivalIsMeasured) {
 std::vector<ContactEvent> events_of_gpiomon(const std::string& text, bool inverted = false) {
   IntakeOptions options;
   options.lines.contacts = 2;
-  options.lines.levels = {{ColumnRole::level, "1=17"}, {ColumnRole::level, "2=STOP LEFT"}};
+  options.lines.levels = {"1=17", "2=STOP LEFT"};
   options.inverted = inverted;
   options.clock.offset = parse_decimal("2116").value();
   options.clock.speed = unpaced;
@@ -833,12 +867,12 @@ TEST(ListenTest, LinesOfGpiomonAreRead) {
 }
 
 TEST(ListenTest, LinesOfGpiomonThatCannotBeUsedAreNamed) {
-  const auto problem = [](const std::string& line, const std::vector<ColumnOption>& levels) {
+  const auto problem = [](const std::string& line, const Texts& levels) {
     LineOptions options;
     options.levels = levels;
     return LineParser(options).parse(line).problem;
   };
-  const std::vector<ColumnOption> levels{{ColumnRole::level, "1=17"}};
+  const Texts levels{"1=17"};
   EXPECT_NE(problem("1.5\trising\tgpiochip0 5", levels).find("--level CONTACT=LINE"),
             std::string::npos);
   EXPECT_NE(problem("1.5\trising\tgpiochip0 17", {}).find("--level CONTACT=LINE"),

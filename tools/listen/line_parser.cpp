@@ -7,9 +7,9 @@
 #include <limits>
 
 #include "command_line/program.h"
+#include "sprag/contact_event.h"
 #include "sprag/detail/files/csv.h"
-#include "sprag/detail/files/input_file.h"
-#include "sprag/detail/import/column_file.h"
+#include "sprag/detail/files/nearest_word.h"
 
 namespace sprag {
 
@@ -33,6 +33,91 @@ void split_at_blanks(std::string_view line, std::vector<std::string_view>& field
     fields.push_back(line.substr(begin, end - begin));
     begin = line.find_first_not_of(field_blanks, end);
   }
+}
+
+/// Length of the field at the beginning of `text`, up to its separator; nullopt if a quote is not
+/// closed. A doubled quote closes and reopens the quotes, which gives the same length.
+std::optional<std::size_t> field_length(std::string_view text, char separator) {
+  const std::size_t first = text.find_first_not_of(' ');
+  if (first == std::string_view::npos || text[first] != '"')
+    return std::min(text.find(separator), text.size());
+  bool in_quotes = false;
+  for (std::size_t i = first; i < text.size(); ++i) {
+    if (text[i] == '"') in_quotes = !in_quotes;
+    if (text[i] == separator && !in_quotes) return i;
+  }
+  return in_quotes ? std::nullopt : std::optional(text.size());
+}
+
+std::string_view trimmed(std::string_view field) {
+  const std::size_t begin = field.find_first_not_of(field_blanks);
+  if (begin == std::string_view::npos) return {};
+  return field.substr(begin, field.find_last_not_of(field_blanks) - begin + 1);
+}
+
+/// Splits a line into its fields, without surrounding blanks and quotes. Returns false if a quote
+/// is not closed.
+bool split_line(std::string_view line, char separator, std::vector<std::string_view>& fields) {
+  fields.clear();
+  while (true) {
+    const auto length = field_length(line, separator);
+    if (!length) return false;
+    std::string_view field = trimmed(line.substr(0, *length));
+    if (field.size() >= 2 && field.front() == '"' && field.back() == '"')
+      field = trimmed(field.substr(1, field.size() - 2));
+    fields.push_back(field);
+    if (*length == line.size()) return true;
+    line.remove_prefix(*length + 1);
+  }
+}
+
+/// The columns of --level; without numbers contacts are counted in the order given. Throws
+/// UsageError.
+std::vector<LevelColumn> level_columns(const std::vector<std::string>& options, int contacts) {
+  std::vector<LevelColumn> columns;
+  std::size_t numbered = 0;
+  for (const std::string& text : options) {
+    const std::size_t sign = text.find('=');
+    const std::string digits = text.substr(0, sign);
+    const bool has_number = sign != std::string::npos && !digits.empty() &&
+                            digits.find_first_not_of("0123456789") == std::string::npos;
+    numbered += has_number ? 1 : 0;
+    // A number that does not fit is larger than the number of contacts of every scene.
+    const std::int64_t contact =
+        has_number ? parse_integer(digits).value_or(max_contacts + 1) : std::ssize(columns) + 1;
+    const std::string name = has_number ? text.substr(sign + 1) : text;
+    if (contact < 1 || contact > contacts) {
+      throw UsageError("--level " + name + " is for contact " + std::to_string(contact) +
+                       "; the scene has " + std::to_string(contacts) +
+                       (contacts == 1 ? " contact" : " contacts") + ", counted from 1");
+    }
+    columns.push_back({name, static_cast<int>(contact) - 1});
+  }
+  if (numbered > 0 && numbered < columns.size()) {
+    throw UsageError("some columns are given as CONTACT=NAME and some as NAME; must all be alike");
+  }
+  std::ranges::stable_sort(columns, {}, &LevelColumn::contact);
+  const auto second = std::ranges::adjacent_find(columns, std::equal_to{}, &LevelColumn::contact);
+  if (second != columns.end()) {
+    throw UsageError("--level " + (second + 1)->name + " is a second --level for contact " +
+                     std::to_string(second->contact + 1));
+  }
+  return columns;
+}
+
+/// Place of the only column of this name. Returns why there is none in `problem`.
+std::optional<std::size_t> place_of(const std::string& name, const std::vector<std::string>& names,
+                                    std::string& problem) {
+  const auto count = std::ranges::count(names, name);
+  if (count == 1) return static_cast<std::size_t>(std::ranges::find(names, name) - names.begin());
+  problem = (count == 0 ? "there is no column '" : "there is more than one column '") + name + "'";
+  const std::vector<std::string_view> others(names.begin(), names.end());
+  if (const auto nearest = nearest_word(name, others); nearest && count == 0)
+    problem.append(" (did you mean '").append(*nearest).append("'?)");
+  problem += "; the columns are ";
+  for (std::size_t i = 0; i < names.size(); ++i)
+    problem.append(i > 0 ? ", '" : "'").append(names[i]).append("'");
+  return std::nullopt;
 }
 
 /// The level after an edge of this name.
@@ -84,27 +169,23 @@ std::string counted_fields(std::size_t count) {
 
 }  // namespace
 
-LineParser::LineParser(const LineOptions& options) : options_(options) {
+LineParser::LineParser(const LineOptions& options)
+    : options_(options), levels_(level_columns(options.levels, options.contacts)) {
   if (!options_.names.empty()) {
     if (const std::string what = assign(options_.names); !what.empty())
       throw UsageError("--columns: " + what);
-  } else if (options_.levels.empty()) {
+  } else if (levels_.empty()) {
     std::vector<std::string> usual{"contact", "level"};
     if (options_.needs_time) usual.insert(usual.begin(), "time");
     assign(usual);
   } else {
-    // Finds wrong contacts before the header arrives.
-    std::vector<std::string> found{"Time"};
-    for (const ColumnOption& option : options_.levels) {
-      found.push_back(option.text.substr(option.text.find('=') + 1));
-    }
-    if (!options_.time.empty()) found[0] = options_.time;
+    // Finds names that contradict each other before the header arrives.
+    std::vector<std::string> found{options_.time.empty() ? "Time" : options_.time};
+    for (const LevelColumn& level : levels_) found.push_back(level.name);
     if (!options_.input.empty()) found.push_back(options_.input);
     const std::string what = assign(found);
     names_.clear();
     if (!what.empty()) throw UsageError("--level: " + what);
-    for (const auto& [column, contact] : roles_.levels)
-      named_levels_.emplace_back(found[column], contact);
   }
 }
 
@@ -120,16 +201,16 @@ bool LineParser::read_gpiomon(std::string_view line, ParsedLine& result) const {
   result.kind = ParsedLine::Kind::problem;
   result.time = parse_clock_time(edge->time, DecimalMark::point);
   const auto level = level_after(edge->edge);
-  const auto contact = std::ranges::find_if(named_levels_, [&](const auto& of) {
-    return std::ranges::find(edge->line, of.first) != edge->line.end();
+  const auto contact = std::ranges::find_if(levels_, [&](const LevelColumn& of) {
+    return std::ranges::find(edge->line, of.name) != edge->line.end();
   });
   if (!result.time || !level) {
     result.problem = "is like a line of gpiomon, but has no time or no edge";
-  } else if (contact == named_levels_.end()) {
+  } else if (contact == levels_.end()) {
     result.problem = "is of a GPIO line without a contact; --level CONTACT=LINE names it";
   } else {
     result.kind = ParsedLine::Kind::levels;
-    result.levels.push_back({contact->second, level, true});
+    result.levels.push_back({contact->contact, level, true});
   }
   return true;
 }
@@ -159,9 +240,7 @@ bool LineParser::is_header() const {
     const std::string name = lower(field);
     known = known || name == "contact" || name == "level" || names_time(name) ||
             (!field.empty() && (field == options_.time || field == options_.input)) ||
-            std::ranges::any_of(options_.levels, [&](const ColumnOption& option) {
-              return field == option.text.substr(option.text.find('=') + 1);
-            });
+            std::ranges::find(levels_, field, &LevelColumn::name) != levels_.end();
   }
   return known && fields_.size() > 1;
 }
@@ -189,7 +268,7 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
                                    "on arrival: --stamp arrival"
                                  : "there is no column '" + options_.time + "'";
   }
-  if (options_.levels.empty()) {
+  if (levels_.empty()) {
     const bool unique =
         only([](const std::string& name) { return lower(name) == "contact"; }, roles.contact) &&
         only([](const std::string& name) { return lower(name) == "level"; }, roles.level);
@@ -199,18 +278,13 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
              std::to_string(options_.contacts) +
              " contacts; name columns of levels with --level CONTACT=NAME";
     }
-  } else {
-    ColumnFile columns;
-    for (const std::string& name : names) columns.columns.push_back({name, {}});
-    try {
-      for (const ContactColumns& chosen :
-           choose_columns(options_.levels, columns, options_.contacts, "the header")) {
-        if (roles.time == chosen.level) return "the column of times has no levels";
-        roles.levels.emplace_back(*chosen.level, chosen.contact);
-      }
-    } catch (const std::runtime_error& e) {
-      return e.what();
-    }
+  }
+  for (const LevelColumn& level : levels_) {
+    std::string problem;
+    const auto place = place_of(level.name, names, problem);
+    if (!place) return problem;
+    if (roles.time == place) return "the column of times has no levels";
+    roles.levels.emplace_back(*place, level.contact);
   }
   if (!options_.input.empty()) {
     if (!only([&](const std::string& name) { return name == options_.input; }, roles.input))

@@ -15,20 +15,25 @@
 #include <vector>
 
 #include "sprag/detail/import/clock_time.h"
-#include "sprag/detail/import/levels.h"
-#include "tools/import_events/choice.h"
 
 namespace sprag {
 
 struct LineOptions {
-  int contacts = 1;                  ///< of the scene
-  std::optional<char> separator;     ///< none: found in every line
-  std::vector<std::string> names;    ///< of the columns (--columns); empty: as the header says
-  std::vector<ColumnOption> levels;  ///< columns of levels; empty: a line has one contact
-  std::string time;                  ///< column of times; empty: the one that begins with Time
-  std::string input;                 ///< column of samples of an input; empty: none
-  std::optional<double> threshold;   ///< none: levels are 0 and 1
-  bool needs_time = true;            ///< lines without a time cannot be used
+  int contacts = 1;                 ///< of the scene
+  std::optional<char> separator;    ///< none: found in every line
+  std::vector<std::string> names;   ///< of the columns (--columns); empty: as the header says
+  std::vector<std::string> levels;  ///< columns of levels, each NAME or CONTACT=NAME, all alike;
+                                    ///< empty: a line has one contact
+  std::string time;                 ///< column of times; empty: the one that begins with Time
+  std::string input;                ///< column of samples of an input; empty: none
+  std::optional<double> threshold;  ///< none: levels are 0 and 1
+  bool needs_time = true;           ///< lines without a time cannot be used
+};
+
+/// A column of levels, or a GPIO line.
+struct LevelColumn {
+  std::string name;
+  int contact = 0;  ///< from 0
 };
 
 /// The level of one contact.
@@ -58,7 +63,7 @@ class LineParser {
 
   /// Whether every line has the levels of all its contacts, so that the first line is their state
   /// at the start and not an edge.
-  bool has_all_levels() const { return !options_.levels.empty(); }
+  bool has_all_levels() const { return !levels_.empty(); }
 
   /// Name of the column of times, which may contain their unit; empty: there is no column yet.
   std::string time_name() const;
@@ -77,8 +82,8 @@ class LineParser {
   std::string read_level(std::string_view text, int contact, ParsedLine& result) const;
 
   LineOptions options_;
-  std::vector<std::pair<std::string, int>> named_levels_;  // --level: name, contact
-  std::vector<std::string> names_;                         // empty: not known
+  std::vector<LevelColumn> levels_;
+  std::vector<std::string> names_;  // empty: not known
   Roles roles_;
   bool headed_ = false;   // a header has named the columns
   char separator_ = ',';  // of the last line

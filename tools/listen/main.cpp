@@ -4,7 +4,6 @@
 
 #include "command_line/program.h"
 #include "sprag/scene.h"
-#include "tools/import_events/options.h"
 #include "tools/listen/options.h"
 #include "tools/listen/run.h"
 
@@ -33,7 +32,7 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene machine = sprag::load_scene(scene, common);
-    sprag::check_clock(machine.clock, run.intake.clock.rate, run.intake.clock.offset);
+    sprag::check_clock(machine.clock, run.intake.clock);
     return sprag::run_listen(run, machine, common, report);
   });
 }

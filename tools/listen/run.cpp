@@ -42,14 +42,10 @@ void check(const ListenRun& run) {
       "event is a pulse");
 }
 
-// The intake's options that the scene and the other options give. Throws UsageError.
+// The intake's options that the scene gives. Throws UsageError.
 void complete(ListenRun& run, const Scene& scene) {
   IntakeOptions& intake = run.intake;
   intake.lines.contacts = static_cast<int>(scene.model.contacts.size());
-  intake.lines.time = run.levels.time;
-  intake.lines.threshold = run.levels.threshold;
-  intake.inverted = run.levels.inverted;
-  intake.impacts = run.levels.impacts;
   // Messages are on the contact clock, which runs at this rate.
   intake.clock.speed *= scene.clock.rate;
   check(run);

@@ -17,8 +17,7 @@ struct ListenRun {
   int baud = 115200;
   std::optional<int> tcp;        ///< port on 127.0.0.1
   std::filesystem::path record;  ///< LCM log; empty: none
-  LevelOptions levels;
-  IntakeOptions intake;  ///< run_listen() completes it by `levels` and the scene
+  IntakeOptions intake;          ///< run_listen() completes it by the scene
 };
 
 /// Reads until the end of the source, the duration or a signal, fills `report` and returns the exit

@@ -4,8 +4,6 @@
 #include <array>
 #include <utility>
 
-#include "sprag/detail/files/input_file.h"
-
 namespace sprag {
 
 namespace {
@@ -45,10 +43,6 @@ std::string_view without_blanks(std::string_view text) {
   return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
 }
 
-bool same(const Decimal& a, const Decimal& b) {
-  return a.mantissa == b.mantissa && a.exponent == b.exponent;
-}
-
 std::optional<NamedUnit> as_unit(std::string_view text) {
   text = without_blanks(text);
   for (const Word& word : words) {
@@ -57,10 +51,6 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
   if (std::ranges::find(without_a_name, text) != std::ranges::end(without_a_name))
     return NamedUnit{std::string(text), std::nullopt};
   return std::nullopt;
-}
-
-[[noreturn]] void ask(const std::string& why) {
-  throw InputError(why + "; say which it is: --unit s, ms, us, ns or a number of seconds");
 }
 
 }  // namespace
@@ -90,40 +80,6 @@ std::optional<NamedUnit> unit_in(std::string_view column) {
     if (auto unit = as_unit(column.substr(place + before.size()))) return unit;
   }
   return std::nullopt;
-}
-
-ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
-                       const std::vector<ContactColumns>& chosen, const std::string& file) {
-  const std::string* first = nullptr;  // column
-  std::optional<NamedUnit> unit;
-  for (const ContactColumns& contact : chosen) {
-    for (const auto& index : {contact.impacts, contact.on, contact.off}) {
-      if (!index) continue;
-      const std::string& name = columns.columns[*index].name;
-      const auto of_column = unit_in(name);
-      if (given) {
-        if (!of_column || (of_column->seconds && same(*of_column->seconds, *given))) continue;
-        return {*given, file + ": column " + quoted(name) + " says " + of_column->text +
-                            "; --unit says something else, and counts"};
-      }
-      if (of_column && !of_column->seconds)
-        ask(file + ": column " + quoted(name) + " is in " + of_column->text);
-      const bool agrees =
-          first == nullptr || (of_column.has_value() == unit.has_value() &&
-                               (!unit || same(*unit->seconds, *of_column->seconds)));
-      if (!agrees)
-        ask(file + ": columns " + quoted(*first) + " and " + quoted(name) +
-            " do not say the same unit");
-      if (first == nullptr) {
-        first = &name;
-        unit = of_column;
-      }
-    }
-  }
-  if (given) return {*given, ""};
-  if (!unit) return {};
-  return {*unit->seconds,
-          file + ": times in " + unit->text + ", as column " + quoted(*first) + " says"};
 }
 
 }  // namespace sprag

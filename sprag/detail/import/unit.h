@@ -1,14 +1,11 @@
-// The unit of a file's times: specified, or part of the columns' names.
+// The unit of times: specified, or part of a column's name.
 #pragma once
 
 #include <optional>
 #include <string>
 #include <string_view>
-#include <vector>
 
-#include "sprag/detail/import/column_file.h"
 #include "sprag/detail/import/decimal.h"
-#include "sprag/detail/import/import.h"
 
 namespace sprag {
 
@@ -24,17 +21,5 @@ struct NamedUnit {
 
 /// Nullopt if the name contains no unit.
 std::optional<NamedUnit> unit_in(std::string_view column);
-
-struct ChosenUnit {
-  Decimal seconds{1, 0};
-  std::string
-      remark;  ///< message for the user: source of the unit, or a contradiction; may be empty
-};
-
-/// `given` if it is specified; else the unit in the names of the chosen columns; else seconds.
-/// Throws InputError if no unit is specified and the names disagree or
-/// contain an unsupported unit.
-ChosenUnit choose_unit(const std::optional<Decimal>& given, const ColumnFile& columns,
-                       const std::vector<ContactColumns>& chosen, const std::string& file);
 
 }  // namespace sprag
