@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "sprag/detail/import/clock_time.h"
-#include "sprag/detail/import/decimal.h"
-#include "sprag/detail/import/unit.h"
+#include "tools/listen/clock_time.h"
+#include "tools/listen/decimal.h"
+#include "tools/listen/unit.h"
 
 namespace sprag {
 namespace {

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "sprag/detail/import/clock_time.h"
+#include "tools/listen/clock_time.h"
 
 namespace sprag {
 

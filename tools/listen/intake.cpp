@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <utility>
 
-#include "sprag/detail/import/unit.h"
+#include "tools/listen/unit.h"
 
 namespace sprag {
 

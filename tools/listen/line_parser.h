@@ -14,7 +14,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/detail/import/clock_time.h"
+#include "tools/listen/clock_time.h"
 
 namespace sprag {
 

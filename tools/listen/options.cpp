@@ -5,8 +5,8 @@
 #include <string_view>
 
 #include "sprag/detail/files/csv.h"
-#include "sprag/detail/import/clock_time.h"
-#include "sprag/detail/import/unit.h"
+#include "tools/listen/clock_time.h"
+#include "tools/listen/unit.h"
 
 namespace sprag {
 

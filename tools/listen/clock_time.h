@@ -4,7 +4,7 @@
 #include <optional>
 #include <string_view>
 
-#include "sprag/detail/import/decimal.h"
+#include "tools/listen/decimal.h"
 
 namespace sprag {
 

@@ -1,4 +1,4 @@
-#include "sprag/detail/import/unit.h"
+#include "tools/listen/unit.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "sprag/detail/import/decimal.h"
+#include "tools/listen/decimal.h"
 
 #include <algorithm>
 #include <array>

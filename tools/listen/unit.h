@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "sprag/detail/import/decimal.h"
+#include "tools/listen/decimal.h"
 
 namespace sprag {
 

@@ -1,4 +1,4 @@
-#include "sprag/detail/import/clock_time.h"
+#include "tools/listen/clock_time.h"
 
 #include <charconv>
 #include <chrono>
