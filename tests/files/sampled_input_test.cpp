@@ -118,6 +118,14 @@ TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
                "base.csv:3:1: the row has 3 fields; must have 2");
   expect_error("t,a\n0,0\n0.1,1\n0.2,1\n", "base.csv: has 3 samples; must have at least 4");
   expect_error("", "base.csv: has no samples");
+  // What people's files have, and import_events reads.
+  for (const char* other :
+       {"0.0 1\n0.1 2\n0.2 3\n0.3 4\n", "t;a\n0,0;1\n0,1;2\n0,2;3\n0,3;4\n",
+        "A recorder\nt,a\n0,1\n0.1,2\n0.2,3\n0.3,4\n", "t,a\ns,g\n0,1\n0.1,2\n0.2,3\n0.3,4\n"}) {
+    EXPECT_NE(error_of(other).find("base.csv --record NAME --output RECORD.csv converts"),
+              std::string::npos)
+        << error_of(other);
+  }
   expect_error("t,a,b\n0,0,0\n", "base.csv:1:1: has 3 columns; the scene must name the signal's");
   expect_error(good_record,
                "base.csv:1:1: has no column 'ax' (key of the signal); must be one of 't', 'a'",
@@ -127,6 +135,7 @@ TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
     if (k < 20 || k > 23) gap += std::to_string(k) + "e-2,0\n";
   }
   expect_error(gap, "base.csv:22:1: there is a gap of 0.05 s after t = 0.19");
+  EXPECT_EQ(error_of(gap).find("converts"), std::string::npos);
 }
 
 TEST_F(RecordedInput, BadKeysAreRefusedWithPlaceReasonAndRemedy) {

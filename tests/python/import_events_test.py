@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -208,6 +209,30 @@ class ProgramTest(unittest.TestCase):
         done = self.run_import(gap, "--record", "a [g]")
         self.assertEqual(done.returncode, 2)
         self.assertIn("gap.csv:3: a sample has no value", done.stderr)
+
+    def test_a_scene_names_the_command_that_converts_its_record(self) -> None:
+        scene = (SCENES / "swept_beam.toml").read_text()
+        scene = re.sub("(?m)^file = .*", 'file = "base.txt"', scene)
+        scene = re.sub("(?m)^(time|acceleration) = .*\n", "", scene)
+        rows = [f"{0.001 * k:.3f} {0.1 * (k % 7):.1f}" for k in range(100)]
+        self.file("base.txt", "\n".join(["# time(s), acceleration(g)", *rows]) + "\n")
+        command = [
+            os.environ["MASTER_SIM"], self.file("rig.toml", scene), "--no-lcm", "--speed", "max",
+            "--duration", "0.01",
+        ]  # fmt: skip
+        refused = subprocess.run(command, capture_output=True, text=True, cwd=self.folder)
+        self.assertEqual(refused.returncode, 2)
+        advice = re.search(
+            r"sprag import_events (\S+base.txt --record NAME .*csv) ", refused.stderr
+        )
+        self.assertTrue(advice, refused.stderr)
+        arguments = advice[1].replace("NAME", "acceleration(g)").split()
+        done = self.run_import(*arguments)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("named by the comment # time(s), acceleration(g)", done.stderr)
+        self.file("rig.toml", scene.replace("base.txt", "RECORD.csv"))
+        accepted = subprocess.run(command, capture_output=True, text=True, cwd=self.folder)
+        self.assertEqual(accepted.returncode, 0, accepted.stderr)
 
     def test_a_missing_compiled_part_is_named(self) -> None:
         code = (

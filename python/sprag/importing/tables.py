@@ -107,7 +107,8 @@ def read_table(
     if begin is None:
         raise InputError("has no rows of numbers or times in columns")
     table = Table([], rows[begin:], lines[begin:], problems=problems)
-    _name_columns(table, rows[:begin], lines, usual, names, mark)
+    before = [line for number, line in every if number < lines[begin] and _is_comment(line)]
+    _name_columns(table, rows[:begin], lines, usual, names, mark, before[-1:])
     _make_equal(table, names is not None, mark)
     _check_commas(table)
     table.sample_rate = _stated_rate(comments + [",".join(row) for row in rows[:begin]])
@@ -277,8 +278,12 @@ def _name_columns(
     usual: list[str],
     names: Sequence[str] | None,
     mark: str | None,
+    comment: list[str],
 ) -> None:
-    """Sets the names and units of the columns, and says which rows of the head are not used."""
+    """Sets the names and units of the columns, and says which rows of the head are not used.
+
+    `comment`: the last line before the rows that is one, which numpy.savetxt writes as the header.
+    """
     if names:
         if len(usual) > len(names):
             raise InputError(
@@ -314,6 +319,10 @@ def _name_columns(
             f"{'header' if found else 'numbers'} left out, the last one: "
             f"'{_short(head[len(head) - used - 1])}'"
         )
+    if found is None and comment:
+        found = _names_in_comment(comment[0], len(usual))
+        if found:
+            table.remarks.append(f"the columns are named by the comment {comment[0].strip()}")
     if found is None:
         found = [f"column {i + 1}" for i in range(len(usual))]
         table.has_header = False
@@ -326,6 +335,14 @@ def _name_columns(
             "(--columns NAME,... names them)"
         )
     table.names = found
+
+
+def _names_in_comment(comment: str, width: int) -> list[str] | None:
+    for mark in SEPARATORS.values():
+        names = _split(comment.strip().lstrip("#%/\\; \t"), mark)
+        if names and len(names) == width and _are_names(names):
+            return names
+    return None
 
 
 def _short(row: list[str]) -> str:

@@ -26,7 +26,10 @@ std::string_view without_blanks_or_quotes(std::string_view field) {
 
 class RecordReader {
  public:
-  RecordReader(std::string file, std::string_view text) : lines_(std::move(file), text) {}
+  RecordReader(const std::string& file, std::string_view text)
+      : lines_(file, text),
+        remedy_("; sprag import_events " + file +
+                " --record NAME --output RECORD.csv converts other forms of tables") {}
 
   Record read(const RecordColumns& columns);
 
@@ -39,6 +42,7 @@ class RecordReader {
   void check_gaps(const Record& record) const;
 
   TextLines lines_;
+  std::string remedy_;  ///< for a file that is not in the form of a record
   char separator_ = ',';
   bool header_ = false;
   std::vector<std::string_view> fields_;
@@ -64,7 +68,8 @@ std::size_t RecordReader::column_of(const std::string& name, const char* key) co
   std::string list;
   for (const std::string& one : names_) list += (list.empty() ? "'" : ", '") + one + "'";
   lines_.fail("has no column '" + name + "' (key " + key + "); must be one of " +
-              (header_ ? list : "the names in a header line, which the file does not have"));
+              (header_ ? list : "the names in a header line, which the file does not have") +
+              remedy_);
 }
 
 void RecordReader::choose_columns(const RecordColumns& columns) {
@@ -79,12 +84,13 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
   } else if (count_ == 2) {
     signal_ = 1 - time_;
   } else {
-    lines_.fail("has " + std::to_string(count_) +
-                (count_ == 1
-                     ? " column; must have a time and a signal, separated by ',', ';' or tab"
-                     : " columns; the scene must name the signal's column, as in "
-                       "acceleration = \"" +
-                           names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
+    lines_.fail(
+        "has " + std::to_string(count_) +
+        (count_ == 1
+             ? " column; must have a time and a signal, separated by ',', ';' or tab" + remedy_
+             : " columns; the scene must name the signal's column, as in "
+               "acceleration = \"" +
+                   names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
   }
   if (signal_ == time_) {
     lines_.fail("the column '" + names_[time_] + "' is the time; the signal must be another");
@@ -100,7 +106,8 @@ double RecordReader::number(std::size_t column) const {
                 "a field is empty; must be a number (a gap in the record cannot be interpolated)");
   }
   const std::string shown(field.substr(0, 30));
-  lines_.fail(field, "'" + shown + "' is not a finite number; must be one, as 0.25 or 1e-3");
+  lines_.fail(field,
+              "'" + shown + "' is not a finite number; must be one, as 0.25 or 1e-3" + remedy_);
 }
 
 void RecordReader::check_gaps(const Record& record) const {
@@ -139,7 +146,7 @@ Record RecordReader::read(const RecordColumns& columns) {
     split();
     if (fields_.size() != count_) {
       lines_.fail("the row has " + std::to_string(fields_.size()) + " fields; must have " +
-                  std::to_string(count_) + ", as the first line");
+                  std::to_string(count_) + ", as the first line" + remedy_);
     }
     const double t = number(time_);
     const double value = number(signal_);
