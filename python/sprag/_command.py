@@ -179,9 +179,18 @@ def scenes_folder() -> Path | None:
     return None
 
 
+def is_scene(given: str) -> bool:
+    """Whether a file of a command line is a scene: SCENE.toml, or a name that is no file."""
+    suffix = os.path.splitext(given)[1]
+    return suffix == ".toml" or (not suffix and not _is_file(given))
+
+
 def scene_file(given: str) -> Read:
-    """File of a scene that is given by its file or by its name among the shipped ones."""
-    if os.path.exists(given):
+    """File of a scene that is given by its file or by its name among the shipped ones.
+
+    A folder of that name does not hide the scene.
+    """
+    if _is_file(given):
         return Read(given)
     folder = scenes_folder()
     if folder is None:
@@ -193,6 +202,10 @@ def scene_file(given: str) -> Read:
     if near := difflib.get_close_matches(given.removesuffix(".toml"), shipped, n=1):
         raise SceneError(f"{problem}; did you mean {near[0]}?")
     raise SceneError(choose(problem, shipped))
+
+
+def _is_file(given: str) -> bool:
+    return os.path.exists(given) and not os.path.isdir(given)
 
 
 def say(program: str, message: str) -> None:

@@ -192,6 +192,8 @@ def name_lines(axes: Axes) -> None:
     Lines whose label begins with an underscore have no name. The figure must have been drawn.
     """
     lines = [line for line in axes.lines if not line.get_label().startswith("_")]
+    if not lines:
+        return
     ink = _Ink(axes)
     written: list[Any] = []
     for line in lines:
@@ -233,9 +235,20 @@ class _Ink:
         along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(xy, axis=0)).max(axis=1))])
         at = np.arange(0.0, along[-1], 1.0)
         pixels = np.column_stack([np.interp(at, along, xy[:, i]) for i in (0, 1)]).astype(int)
+        if line.get_marker() not in ("None", ""):
+            radius = int(line.get_markersize() * axes.figure.dpi / 144) + 1
+            reach = range(-radius, radius + 1)
+            around = [xy.astype(int) + (x, y) for x in reach for y in reach]
+            pixels = np.vstack([pixels, *around])
         inside = (pixels >= 0).all(axis=1) & (pixels < (self.width, self.height)).all(axis=1)
         result: npt.NDArray[np.int_] = pixels[inside]
         return result
+
+    def between(self, point: npt.NDArray[np.int_], x: int, y: int, w: int, h: int) -> float:
+        """Lines that a leader from a point of a curve to a box crosses beyond its beginning."""
+        steps = np.linspace(point, np.clip(point, (x, y), (x + w, y + h)), 50)[5:]
+        across, up = np.clip(steps.astype(int), 0, (self.width - 1, self.height - 1)).T
+        return float(np.count_nonzero(self.count[up, across] > 0))
 
     def sums(self) -> Numbers:
         """Sum of the ink left of and below each corner of a pixel."""
@@ -248,7 +261,9 @@ def _name(axes: Axes, line: Line2D, ink: _Ink) -> list[Any]:
 
     halo = [patheffects.withStroke(linewidth=2.2, foreground="white")]
     colour = line.get_color()
-    text = axes.text(0, 0, line.get_label(), transform=axes.transAxes, color=colour, zorder=9)
+    text = axes.text(
+        0, 0, line.get_label().strip(), transform=axes.transAxes, color=colour, zorder=9
+    )
     text.set(path_effects=halo, fontsize=7.5, in_layout=False)
     extent = text.get_window_extent()
     w, h = int(extent.width) + 6, int(extent.height) + 4
@@ -295,6 +310,8 @@ def _best_place(
         outside = (x < 2) | (y < 1) | (x + w > ink.width) | (y + h > ink.height - 1)
         cost[outside | (under > TOO_MUCH_INK)] = np.inf
         i = int(np.argmin(cost))
+        if distance >= WITH_LEADER and np.isfinite(cost[i]):
+            cost[i] += INK_UNDER * ink.between(points[i], x[i], y[i], w, h)
         if np.isfinite(cost[i]) and (best is None or cost[i] < best[0]):
             best = cost[i], int(x[i]), int(y[i]), i, distance
     if best is None:

@@ -7,7 +7,6 @@ of any origin; both return a figure of matplotlib to change, show or save.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -51,7 +50,7 @@ OUTSIDE, INSIDE, REPLICA = "-", (0, (2.0, 1.2)), (0, (0.8, 1.6))  # parts of an 
 GUARANTEED = "#777777"
 MARKERS = "osD^vP<X"  # by contact
 # A motion with more turns is a solid block at 800 pixels; a part with fewer is shown then.
-MOST_TURNS, TURNS_IN_ZOOM = 200, 40
+MOST_TURNS, TURNS_IN_ZOOM = 120, 40
 OPENS, IMPACT = 2, 3  # kinds of events
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
@@ -75,7 +74,8 @@ class Panels:
     def __init__(self, runs: Sequence[Table], machine: Machine | None = None) -> None:
         self.machine = machine
         self.states = [table for table in runs if table.kind == "states"]
-        self.energies = [table for table in runs if table.kind == "energy"]
+        energies = [table for table in runs if table.kind == "energy"]
+        self.energies = [table for table in energies if (table.column("V") > 0.0).any()]
         self.impacts = [table for table in runs if table.kind == "impacts"]
         self.events = [table for table in runs if table.kind == "events"]
         self.span = _span(runs)
@@ -111,7 +111,7 @@ class Panels:
         first = next((panel for panel in panels if not panel.whole_run), None)
         if first is None:
             return None
-        turns = max((_turns(t, y, span) for t, y in self._motions(first.name)), default=0.0)
+        turns = max((_turns(t, y, span) for t, y in self._motions(first.name)), default=0)
         if turns <= MOST_TURNS:
             return None
         length = (span[1] - span[0]) * TURNS_IN_ZOOM / turns
@@ -177,8 +177,9 @@ class Panels:
                 f"{table.label}: has {table.coordinates} coordinates; the scene has {f}"
             )
         q = table.data[[f"q{i + 1}" for i in range(f)]].to_numpy(float)
-        gaps: Numbers = self.machine.gaps(table.column("t"), q)
-        return gaps[:, int(name[1:]) - 1]
+        gap: Numbers = self.machine.gaps(table.column("t"), q)[:, int(name[1:]) - 1]
+        gap[np.abs(gap) < 1e-13 * _largest([q])] = 0.0  # the rounding of a contact at rest
+        return gap
 
     def _gaps(self) -> list[str]:
         return [f"g{i + 1}" for i in range(self.machine.m)] if self.machine is not None else []
@@ -233,7 +234,7 @@ class Panels:
         replica = replica & ~inside
         band = " ± 2σ" if f"sigma_{name}" in table.data else ""
         parts: list[tuple[npt.NDArray[np.bool_], Any, str]] = [
-            (~(inside | replica), OUTSIDE, legible(table.label) + band),
+            (~(inside | replica), OUTSIDE, _name(table) + band),
             (_widened(inside), INSIDE, "inside a support"),
             (_widened(replica), REPLICA, "replica shown"),
         ]
@@ -274,7 +275,7 @@ class Panels:
         return panels
 
     def _impacts_drawer(self, name: str, title: str, unit: str) -> Callable[[Axes, Span], None]:
-        return lambda axes, span: self._draw_impacts(axes, name, title, unit)
+        return lambda axes, span: self._draw_impacts(axes, span, name, title, unit)
 
     def _draw_contacts(self, axes: Axes, span: Span) -> None:
         axes.set_title("Reported contacts")
@@ -289,26 +290,28 @@ class Panels:
         axes.set_yticks(range(len(numbers)), numbers)
         axes.grid(axis="y", visible=False)
 
-    def _draw_impacts(self, axes: Axes, name: str, title: str, unit: str) -> None:
-        shown = [table for table in self.impacts if name in table.data]
-        factor, unit = readable_unit(_largest(table.column(name) for table in shown), unit)
-        axes.set_title(f"{title} [{unit}]")
-        for table in shown:
-            run = f"{legible(table.label)}, " if len(shown) > 1 else ""
-            for contact, rows in table.data[table.data[name].notna()].groupby("contact"):
-                sigma = rows.get(f"sigma_{name}", 0.0 * rows[name])
-                bars = 2.0 * factor * sigma.where(np.isfinite(sigma), 0.0)
+    def _draw_impacts(self, axes: Axes, span: Span, name: str, title: str, unit: str) -> None:
+        shown = [(run, run.data[run.data["t"].between(*span)]) for run in self.impacts]
+        shown = [(run, rows[rows[name].notna()]) for run, rows in shown if name in rows]
+        factor, unit = readable_unit(_largest(rows[name].to_numpy() for _, rows in shown), unit)
+        axes.set_title(f"{title} ± 2σ [{unit}]")
+        for table, rows in shown:
+            run = f"{_name(table)}, " if len(shown) > 1 else ""
+            for contact, of in rows.groupby("contact"):
+                sigma = of.get(f"sigma_{name}", 0.0 * of[name])
                 axes.errorbar(
-                    rows["t"],
-                    factor * rows[name],
-                    bars,
+                    of["t"],
+                    factor * of[name],
+                    2.0 * factor * sigma.where(np.isfinite(sigma), 0.0),
                     fmt=MARKERS[int(contact - 1) % len(MARKERS)],
                     ms=2.5,
                     lw=0.7,
                     color=self.colours[table.label],
-                    label=f"{run}contact {contact:g} ± 2σ",
+                    label=f"{run}contact {contact:g}",
                 )
-        axes.legend(loc="best")
+        _set_range(axes, [factor * rows[name].to_numpy() for _, rows in shown])
+        if len(axes.containers) > 1:
+            axes.legend(loc="best", ncols=min(4, len(axes.containers)))
 
     # --- error energies ---
 
@@ -327,6 +330,7 @@ class Panels:
         for i, table in enumerate(self.energies):
             if i == 0:  # of one run alone: more are illegible
                 modes = [f"V{n}" for n in range(1, MOST_MODES + 1) if f"V{n}" in table.data]
+                modes = modes if len(modes) > 1 else []
                 label = ", ".join(modes).translate(SUBSCRIPTS)
                 for mode in modes:
                     self._draw_decades(axes, table, mode, span, label, 0.6, 0.5)
@@ -339,10 +343,13 @@ class Panels:
             label = "B ≥ V, guaranteed" + (f", {legible(table.label)}" if len(bounds) > 1 else "")
             axes.plot(x, y, color=self.colours[table.label], ls=(0, (4, 1.5)), label=label)
         rate = self.machine.decay_rate if self.machine is not None else None
-        if self.energies and rate and len(self.energies[0].data):
+        first = self.energies[0].column("V")[0] if self.energies else 0.0
+        if rate and first > 0.0:
             t = self.energies[0].column("t")[[0, -1]]
-            y = self.energies[0].column("V")[0] * np.exp(-rate * (t - t[0]))
+            y = first * np.exp(-rate * (t - t[0]))
             axes.plot(t, y, color="#555555", lw=0.9, ls=":", label="by damping alone")
+        if not axes.lines:  # within the span
+            axes.set_ylim(0.1, 1.0)
         logarithmic_ticks(axes.yaxis, *axes.get_ylim())
 
     def _draw_decades(
@@ -386,12 +393,20 @@ def _colours(runs: Sequence[Table]) -> dict[str, str]:
     return colours
 
 
-def _turns(t: Numbers, y: Numbers, span: Span) -> float:
-    """How often a curve turns up or down within a span."""
+def _turns(t: Numbers, y: Numbers, span: Span) -> int:
+    """How often a curve crosses its median within a span; ripples beside it do not count."""
     y = y[(t >= span[0]) & (t <= span[1]) & np.isfinite(y)]
-    steps = np.sign(np.diff(y))
-    steps = steps[steps != 0.0]
-    return float(np.count_nonzero(steps[1:] != steps[:-1]))
+    if not len(y):
+        return 0
+    low, middle, high = np.quantile(y, [0.05, 0.5, 0.95])
+    above = y[np.abs(y - middle) > 0.1 * (high - low)] > middle
+    return int(np.count_nonzero(above[1:] != above[:-1]))
+
+
+def _name(table: Table) -> str:
+    """The label as a name in a picture; matplotlib leaves out those that begin with _."""
+    name = legible(table.label)
+    return " " + name if name.startswith("_") else name
 
 
 def _largest(columns: Any) -> float:
@@ -481,6 +496,7 @@ def _figure(
                 seen = span if panel.whole_run or zoom is None else zoom
                 panel.draw(ax, seen)
                 ax.set_xlim(*seen)
+                ax.locator_params(axis="x", nbins=6 if len(columns) > 1 else 9)
                 if row == len(column) - 1:
                     ax.set_xlabel("time t [s]")
                 else:
@@ -673,7 +689,7 @@ def save(figure: Figure, file: str) -> None:
 def _runs_of_program(
     options: argparse.Namespace, report: dict[str, Any]
 ) -> tuple[Figure, list[str]]:
-    scenes = [given for given in options.files if _is_scene(given.file)]
+    scenes = [given for given in options.files if _command.is_scene(given.file)]
     if len(scenes) > 1:
         raise UsageError(f"{scenes[1]} is a second scene; a picture is of one machine")
     machine = read_machine(_command.scene_file(scenes[0].file)) if scenes else None
@@ -704,8 +720,3 @@ def _runs_of_program(
     report["panels"] = [panel.name for panel in chosen]
     figure = _figure(panels, chosen, span, zoom, options.title)
     return figure, [run.damage for run in runs if run.damage]
-
-
-def _is_scene(file: str) -> bool:
-    suffix = os.path.splitext(file)[1]
-    return suffix == ".toml" or (not suffix and not os.path.exists(file))

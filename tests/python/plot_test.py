@@ -198,10 +198,29 @@ class RunsTest(Files):
         text = "k,t,V,V1,V2\n0,0,1,0.75,0.25\n1,1,0.5,0.3,0.2\n2,2,0,0,0\n"
         one = lines(self.figure(self.table(text), of=machine(rate=2.0)).axes[0])
         self.assertEqual(set(one), {"V", "V₁, V₂", "by damping alone"})
+        of_one_mode = self.table("k,t,V,V1\n0,0,1,1\n1,1,0.5,0.5\n")
+        self.assertEqual(set(lines(self.figure(of_one_mode).axes[0])), {"V"})
         self.assertEqual(one["V"].get_ydata().tolist(), [1.0, 0.5])
         np.testing.assert_allclose(one["by damping alone"].get_ydata(), [1.0, math.exp(-4.0)])
         two = lines(self.figure(self.table(text, "a"), self.table(text, "b")).axes[0])
         self.assertEqual(set(two), {"V, a", "V, b", "V₁, V₂"})
+
+    def test_an_energy_of_zero_is_not_drawn(self):
+        nothing = self.table("k,t,V\n0,0,0\n1,1,0\n")
+        figure = self.figure(self.table(STATES), nothing, of=machine(rate=2.0))
+        self.assertEqual(titles(figure), ["Gap g [m]"])
+        late = self.table("k,t,V\n0,0,0\n1,1,2\n2,2,1\n")
+        figure = self.figure(late, of=machine(rate=2.0))
+        self.assertEqual(set(lines(figure.axes[0])), {"V"}, "no damping from 0 on")
+        panels = plot.Panels([late])
+        plot._figure(panels, panels.chosen([]), (0.0, 0.5), None, "")  # nothing within the span
+
+    def test_the_rounding_of_a_contact_at_rest_is_no_motion(self):
+        rows = "".join(f"{k},{k},3,{-3 + 1e-15 * (-1) ** k},0,0\n" for k in range(1000))
+        panels = plot.Panels([self.table("k,t,q1,q2,u1,u2\n" + rows)], machine(f=2))
+        self.assertIsNone(panels.zoom(panels.chosen([]), panels.span))
+        figure = plot._figure(panels, panels.chosen([]), panels.span, None, "")
+        self.assertEqual(titles(figure), ["Gap g [m]"])
 
     def test_noise_is_median_and_range(self):
         n = 20000
@@ -253,14 +272,25 @@ class RunsTest(Files):
             "t,contact,kind,impulse,sigma_impulse,velocity_before,sigma_velocity_before\n"
             "1,2,impact,3,0.5,-0.02,0\n2,1,impact,4,inf,-0.01,0\n3,1,opens,,,,\n"
         )
-        axes = panel(self.figure(impacts), "Impulse [N s]")
+        axes = panel(self.figure(impacts), "Impulse ± 2σ [N s]")
+        words = [text.get_text() for text in axes.get_legend().get_texts()]
+        self.assertEqual(words, ["contact 1", "contact 2"])
         one, two = axes.containers
         self.assertEqual(one.lines[0].get_ydata().tolist(), [4.0])
         bar = two.lines[2][0].get_segments()[0][:, 1]
         self.assertEqual(bar.tolist(), [2.0, 4.0])
         self.assertNotEqual(one.lines[0].get_marker(), two.lines[0].get_marker())
         figure = self.figure(impacts, show=["velocity_before"])
-        self.assertEqual(titles(figure), ["Gap velocity before [mm/s]"])
+        self.assertEqual(titles(figure), ["Gap velocity before ± 2σ [mm/s]"])
+        panels = plot.Panels([impacts])
+        (part,) = plot._figure(panels, panels.chosen([]), (1.5, 2.5), None, "").axes
+        self.assertEqual(len(part.containers), 1, "only impacts within the span")
+        self.assertIsNone(part.get_legend(), "of one contact")
+        wide = self.table(
+            "t,contact,kind,impulse,sigma_impulse\n1,1,impact,3,90\n2,1,impact,4,0.1\n"
+        )
+        low, high = self.figure(wide).axes[0].get_ylim()
+        self.assertTrue(2.0 < low and high < 5.0, "bars may leave the range")
 
     def test_panels_beyond_four_are_left_out(self):
         names = [f"q{i}" for i in range(1, 8)]
@@ -295,6 +325,11 @@ class RunsTest(Files):
             zoom = panels.zoom(panels.chosen([]), panels.span)
             self.assertEqual(zoom is not None, zoomed)
         self.assertEqual(zoom, (0.0, 5.0), "20 periods of 0.25 s")
+        t = np.linspace(0.0, 100.0, 5000)
+        rows = zip(t, np.sin(0.3 * t) + 0.05 * np.sin(40.0 * t))
+        text = "".join(f"{k},{x},{y}\n" for k, (x, y) in enumerate(rows))
+        panels = plot.Panels([self.table("k,t,q1\n" + text)])
+        self.assertIsNone(panels.zoom(panels.chosen([]), panels.span), "ripples are no motion")
 
     def test_zoom_shows_V_of_the_whole_run_beside(self):
         energy = self.table("k,t,V\n0,0,1\n1,8,0.5\n")
@@ -342,6 +377,35 @@ class NamesTest(Files):
             own = float(text.get_text().split()[1])
             distance = {y: abs(height.mean() - y) for y in (1.0, 2.0, 3.0)}
             self.assertEqual(min(distance, key=distance.get), own)
+
+    def test_a_name_covers_no_mark(self):
+        with _drawing.style():
+            axes = _drawing.new_figure(4.0, 2.0).add_subplot()
+            axes.plot(range(99), [0] * 99, marker="o", ms=6, label="name")
+            axes.figure.canvas.draw()
+            _drawing.name_lines(axes)
+        box = axes.texts[0].get_window_extent()
+        for point in axes.transData.transform(axes.lines[0].get_xydata()):
+            self.assertFalse(box.padded(9).contains(*point))
+
+    def test_a_leader_crosses_few_lines(self):
+        with _drawing.style():
+            axes = _drawing.new_figure(4.0, 3.0).add_subplot()
+            axes.plot([0, 1], [9.6, 9.6], label="name")
+            for y in (9.9, 10.5, *np.linspace(9.5, 9.0, 6)):
+                axes.plot([0, 1], [y, y], label="_other")
+            axes.set_ylim(0, 12)
+            axes.figure.canvas.draw()
+            _drawing.name_lines(axes)
+        self.assertGreater(axes.texts[0].get_position()[1], 10 / 12)
+
+    def test_names_may_begin_with_an_underscore(self):
+        figure = plot.draw([self.table(STATES, "_run")], show=["q1"])
+        self.assertIn("_run", texts(figure))
+        impacts = "t,contact,kind,impulse\n1,1,impact,3\n2,1,impact,4\n"
+        figure = plot.draw([self.table(impacts, name) for name in ("_a", "b")])
+        words = [text.get_text().strip() for text in figure.axes[0].get_legend().get_texts()]
+        self.assertEqual(words, ["_a, contact 1", "b, contact 1"])
 
     def test_text_never_leaves_the_picture(self):
         long = "n" * 100000
@@ -626,6 +690,12 @@ class ProgramTest(Files):
         self.assertFalse((self.folder / "ran").exists())
         absent = self.run_plot("n" * 100000, "--output", self.path("b.svg"))
         self.assertEqual(absent.returncode, 2)
+
+    def test_a_folder_does_not_hide_a_scene(self):
+        states = self.file("s.csv", STATES)
+        (self.folder / "lab_rig").mkdir()
+        done = self.run_plot("lab_rig", states, "--output", self.path("a.png"), folder=self.folder)
+        self.assertIn("has 1 coordinates; the scene has 2", done.stderr)
 
     def test_settings_of_the_user_change_nothing(self):
         states = self.file("s.csv", STATES)

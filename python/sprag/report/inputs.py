@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._command import Labelled, UsageError, scene_file
+from .._command import Labelled, UsageError, is_scene, scene_file
 from .._errors import InputError
 from .._machine import Machine, machine_of, read_machine
 from ..tables import Kind, Table, read_table
@@ -154,7 +154,7 @@ def read_inputs(names: Iterable[str | os.PathLike[str]]) -> Inputs:
     several estimates. Raises UsageError, InputError and SceneError with the file's name.
     """
     files = [Labelled(os.fspath(name)) for name in names]
-    scenes = [given for given in files if _is_scene(given.file)]
+    scenes = [given for given in files if is_scene(given.file)]
     if not scenes:
         raise UsageError(
             "no scene is given; name the scene of the run, a file SCENE.toml or one that "
@@ -183,11 +183,6 @@ def read_inputs(names: Iterable[str | os.PathLike[str]]) -> Inputs:
     # Curves of machines are thick, so that those of estimates are drawn over them.
     inputs.tables.sort(key=lambda table: table.kind != "states" or table.is_estimate)
     return inputs
-
-
-def _is_scene(file: str) -> bool:
-    path = Path(file)
-    return path.suffix == ".toml" or (not path.suffix and not os.path.exists(file))
 
 
 def _is_json(file: str) -> bool:
