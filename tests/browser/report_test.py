@@ -146,6 +146,17 @@ class ReportTest(BrowserCase):
         )
         heights = [bottom - top for texts in page.js(TEXTS) for _, _, top, _, bottom in texts]
         self.assertGreater(min(heights), 6.0)
+        # Captions are whole, and short texts of cells on one line.
+        captions = "[...document.querySelectorAll('.caption')]"
+        right = f"Math.max(...{captions}.map((part) => part.getBoundingClientRect().right))"
+        self.assertLessEqual(page.js(right), 390)
+        cells = "[...document.querySelectorAll('td:not(.wide)')]"
+        short = page.js(
+            f"{cells}.map((cell) => [cell.textContent, cell.firstChild ? (() => {{"
+            " const range = document.createRange(); range.selectNodeContents(cell);"
+            " return range.getClientRects().length; })() : 0])"
+        )
+        self.assertEqual([text for text, rows in short if rows > 1], [])
         scrolling = page.js(
             """[...document.querySelectorAll('.scroll')].filter(
             (part) => part.scrollWidth > part.clientWidth).map(
@@ -170,6 +181,11 @@ class ReportTest(BrowserCase):
             mobile=False,
         )
         self.assertLessEqual(page.js(WIDE), 680, "nothing is cut off in print")
+        sizes = [
+            float(page.js(f"getComputedStyle(document.querySelector('{part}')).fontSize")[:-2])
+            for part in ("figcaption", "strong")
+        ]
+        self.assertLess(*sizes, "a caption is smaller than the text")
         # A page break cuts no picture, no verdict, no short table, and no row of a long one.
         for kind in ("figure", ".verdict", ".short", "tr"):
             parts = page.js(

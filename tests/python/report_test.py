@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.textpath import TextPath
 from sprag._errors import InputError
 from sprag.report import page
 from sprag.report.analysis import (
@@ -28,6 +29,7 @@ from sprag.report.analysis import (
 )
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
+from sprag.report.pictures import correlation_picture
 from sprag.report.run import certainty_section, impacts_section, measurement_section
 from sprag.tables import read_table
 
@@ -94,6 +96,7 @@ class NumbersTest(unittest.TestCase):
         self.assertEqual(quantity(0.0, "s"), "0 s")
         self.assertEqual(quantity(1e-3, "N m²"), "0.001 N m²")
         self.assertEqual(quantity(None, "s"), "not determined")
+        self.assertEqual(quantity(1.6e-4, "rad"), "0.16 mrad", "as in pictures")
 
     def test_consistency_refutes_a_wrong_sigma(self):
         draw, runs = np.random.default_rng(29), 2000
@@ -116,6 +119,19 @@ class AnalysisTest(FolderCase):
         self.assertEqual(events.closings, 3)
         events = events_of(self.table("t,contact,kind\n1,2,opens\n"))
         self.assertEqual(events.kind.tolist(), ["opens"])
+
+    def test_a_contact_that_stays_closed_is_closed_up_to_the_end(self):
+        events = read_table(self.file("e.csv", "t,contact,closed\n1,1,1\n2,1,0\n4,1,1\n"))
+        states = self.table("k,t,q1,u1\n0,0,0,0\n1,9,0,0\n")
+        section = measurement_section(Inputs("s.toml", "s", None, tables=[states, events]))
+        self.assertEqual(section.blocks[1].rows, [["1", "0", "2", "6", "1", "4"]])
+
+    def test_labels_of_correlations_are_within_the_picture(self):
+        label = "beam.bending_stiffness"
+        svg = correlation_picture([label, *"abcdef"], np.eye(7)).svg
+        (x,) = re.findall(rf'x="([\d.]+)"[^>]*>{label}', svg)
+        width = TextPath((0, 0), label + "  1", size=8).get_extents().width
+        self.assertGreater(float(x), width)
 
     def test_inserted_and_spurious_events_are_not_measured(self):
         table = self.table(
@@ -174,11 +190,11 @@ class AnalysisTest(FolderCase):
             text += f"{t},{contact},{kind},{v},0.01,{-0.5 * v},0.01,{-v}\n"
         inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
         grid = impacts_section(inputs, (-np.inf, np.inf)).blocks[-1]
-        self.assertEqual(grid.head[3:5], ["median speed [m/s]", "largest speed [m/s]"])
+        self.assertEqual(grid.head[3:5], ["median speed", "largest speed"])
         shown = [row[:6] for row in grid.rows]
-        self.assertEqual(shown[0], ["1", "closes", "1", "0.01", "0.01", "4"])
-        self.assertEqual(shown[1], ["1", "impact", "4", "0.3", "0.5", "3"])
-        self.assertEqual(shown[2], ["2", "impact", "1", "1.5", "1.5", "5"])
+        self.assertEqual(shown[0], ["1", "closes", "1", "10 mm/s", "10 mm/s", "4"])
+        self.assertEqual(shown[1], ["1", "impact", "4", "0.3 m/s", "0.5 m/s", "3"])
+        self.assertEqual(shown[2], ["2", "impact", "1", "1.5 m/s", "1.5 m/s", "5"])
         self.assertEqual(len(shown), 3)
 
     def test_an_infinite_bound_has_no_row(self):
@@ -281,7 +297,7 @@ class RunTest(unittest.TestCase):
         self.assertEqual(json.loads(Path(own).read_text())["sections"], titles)
         self.assertIn("general system M, C, K", html)
         self.assertIn("4.5 Hz", html)
-        self.assertIn("<td>jitter of event times</td><td>20 µs</td>", html)
+        self.assertRegex(html, "<td[^>]*>jitter of event times</td><td>20 µs</td>")
         figures = json.loads(Path(self.path("observer.json")).read_text())
         events = pd.read_csv(self.path("events.csv"))
         closings = int((events["closed"] == 1).sum())
@@ -337,7 +353,7 @@ class RunTest(unittest.TestCase):
             self.assertNotIn("<h2>Motion</h2>", html)
             for parameter in json.loads(Path(file).read_text())["parameters"]:
                 shown = rounded_to(parameter["value"], parameter["sigma"])
-                self.assertRegex(html, f'<td>{parameter["parameter"]}</td>.*>{shown}</td>')
+                self.assertRegex(html, f'>{parameter["parameter"]}</td>.*>{shown}</td>')
             # --json has no command line.
             self.assertEqual("sprag identify " in html, file == with_report)
 
@@ -385,7 +401,7 @@ class ProgramTest(FolderCase):
         self.assertIn('class="verdict bad"', html)
         self.assertIn("<strong>The events do not fit.</strong> They scatter.", html)
         self.assertIn("The identification was of the scene other", html)
-        self.assertIn("<td>lost: the machine has an impact there</td>", html)
+        self.assertIn(">lost: the machine has an impact there</td>", html)
         self.assertIn("3.25", html)
 
     def test_inconsistencies_are_listed_with_their_times(self):
@@ -421,7 +437,7 @@ class ProgramTest(FolderCase):
         self.assertNotIn("<td>rests</td>", html)
         self.assertIn("Recorded acceleration of the frame", html)
         self.assertIn('<th class="number">clearance [mm]</th>', html)
-        self.assertIn("<td>force 1, times its direction</td><td>a recorded input</td>", html)
+        self.assertRegex(html, ">force 1, times its direction</td><td[^>]*>a recorded input</td>")
         self.report(LAB_RIG, self.file("s.csv", STATES))
         self.assertIn("<td>rests</td>", self.page())
 

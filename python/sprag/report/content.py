@@ -87,8 +87,6 @@ def rounded_to(value: float | None, sigma: float | None) -> str:
 def scale(values: Sequence[float | None], unit: str) -> tuple[float, str]:
     """Factor and unit for values, as in pictures: mm, µm, nm or pm for small ones in m."""
     finite = [abs(value) for value in values if value is not None and math.isfinite(value)]
-    if unit not in ("m", "s", "m/s", "m/s²"):
-        return 1.0, unit
     return readable_unit(max(finite, default=0.0), unit)
 
 

@@ -132,6 +132,13 @@ class Inputs:
         t = np.array([self.scene.machine_time(t) for t in events.t], float)
         return Events(t, events.contact, events.kind)
 
+    @property
+    def end(self) -> float:
+        """Latest time of the states, V and events [s]."""
+        kinds = ("states", "energy", "events", "impacts")
+        ends = [table.column("t")[-1:] for table in self.tables if table.kind in kinds]
+        return float(np.concatenate([[-math.inf], *ends]).max())
+
     def runs(self) -> list[ObserverRun]:
         """Runs of the observer in the order of the files; files of one label are one run."""
         runs = [ObserverRun(table.label, table) for table in self.estimates]

@@ -61,7 +61,7 @@ def _machine(scene: Scene) -> list[list[str]]:
     rows.append(["impact law", scene.model.law.capitalize()])
     motion = scene.excitation
     if motion is not None and motion.amplitude != 0.0:
-        rows.append(["motion of the frame e(t) [m]", f"{_harmonic(motion)}, {_hertz(motion)}"])
+        rows.append(["motion of the frame e(t)", f"{_harmonic(motion, 'm')}, {_hertz(motion)}"])
     for number, force in enumerate(scene.model.forces, start=1):
         if text := _force(force):
             rows.append([f"force {number}, times its direction", text])
@@ -122,17 +122,18 @@ def _support(contact: Contact, is_shaken: bool) -> str:
         return "moves with the shaken frame" if is_shaken else "rests"
     parts = []
     if contact.motion.amplitude != 0.0:
-        parts.append(f"by {_harmonic(contact.motion)} m")
+        parts.append(f"by {_harmonic(contact.motion, 'm')}")
     if contact.recorded:
         parts.append("by a recorded input")
     return f"moves {' and '.join(parts)}" + (", seen from the shaken frame" if is_shaken else "")
 
 
-def _harmonic(harmonic: Harmonic) -> str:
+def _harmonic(harmonic: Harmonic, unit: str = "") -> str:
     phase = ""
     if harmonic.phase != 0.0:
         phase = f" {'-' if harmonic.phase < 0.0 else '+'} {rounded(abs(harmonic.phase), 6)}"
-    return f"{rounded(harmonic.amplitude, 6)} cos({rounded(harmonic.frequency, 8)} t{phase})"
+    amplitude = quantity(harmonic.amplitude, unit, 6).rstrip()
+    return f"{amplitude} cos({rounded(harmonic.frequency, 8)} t{phase})"
 
 
 def _hertz(harmonic: Harmonic) -> str:

@@ -18,7 +18,6 @@ from .content import (
     count,
     quantity,
     rounded,
-    scale,
 )
 from .inputs import at, count_at, list_at, number_at, text_at
 from .pictures import MotionPictures, residual_picture
@@ -114,7 +113,7 @@ def measurement_section(inputs: Inputs) -> Section:
     else:
         section.blocks.append(_extent(events, inputs))
         contacts = int(events.contact.max(initial=0)) if inputs.scene is None else inputs.scene.m
-        section.blocks.append(_counts(events, contacts))
+        section.blocks.append(_counts(events, contacts, inputs.end))
     for run in inputs.runs():
         reception = _reception(run)
         if reception.rows:
@@ -147,7 +146,7 @@ def _extent(events: Events, inputs: Inputs) -> str:
     return text
 
 
-def _counts(events: Events, contacts: int) -> Grid:
+def _counts(events: Events, contacts: int, end: float) -> Grid:
     head = ["contact", "impacts", "sustained contacts", "time closed [s]", "first [s]", "last [s]"]
     grid = Grid("Contact events", head)
     for contact in range(1, max(contacts, int(events.contact.max(initial=0))) + 1):
@@ -160,6 +159,7 @@ def _counts(events: Events, contacts: int) -> Grid:
             elif what == "opens":
                 closed += 0.0 if math.isnan(since) else time - since
                 since = math.nan
+        closed += 0.0 if math.isnan(since) else max(end - since, 0.0)
         impacts, closings = (np.count_nonzero(kind == what) for what in ("impact", "closes"))
         ends = [rounded(t[0], 6), rounded(t[-1], 6)] if len(t) else ["", ""]
         grid.rows.append([str(contact), str(impacts), str(closings), rounded(closed), *ends])
@@ -316,19 +316,17 @@ def _speeds(impacts: Table) -> Grid:
         return Grid("", [])
     data = impacts.data[np.isfinite(impacts.data["velocity_before"])]
     data = data[data["kind"] != "opens"].assign(speed=lambda rows: rows["velocity_before"].abs())
-    factor, unit = scale([data["speed"].max()], "m/s")
-    factor_of_impulse, unit_of_impulse = scale([data["impulse"].abs().max()], "N s")
     grid = Grid(
         f"Closings of {impacts.label}, by contact and kind",
         [
             "contact",
             "kind",
             "events",
-            f"median speed [{unit}]",
-            f"largest speed [{unit}]",
+            "median speed",
+            "largest speed",
             "at t [s]",
-            f"its sigma [{unit}]",
-            f"largest impulse [{unit_of_impulse}]",
+            "its sigma",
+            "largest impulse [N s]",
         ],
     )
     for (contact, kind), rows in data.groupby(["contact", "kind"], sort=True):
@@ -339,11 +337,11 @@ def _speeds(impacts: Table) -> Grid:
                 f"{contact:g}",
                 str(kind),
                 str(len(rows)),
-                rounded(factor * rows["speed"].median()),
-                rounded(factor * fastest["speed"]),
+                quantity(rows["speed"].median(), "m/s"),
+                quantity(fastest["speed"], "m/s"),
                 rounded(fastest["t"], 6),
-                rounded(factor * sigma, 2) if math.isfinite(sigma) else "none claimed",
-                rounded(factor_of_impulse * rows["impulse"].max()),
+                quantity(sigma, "m/s", 2) if math.isfinite(sigma) else "none claimed",
+                rounded(rows["impulse"].max()),
             ]
         )
     return grid
