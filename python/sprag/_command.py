@@ -22,7 +22,7 @@ import unicodedata
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType, ModuleType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from ._errors import Error, InputError, ModelError, SceneError
 from ._version import __version__
@@ -67,6 +67,15 @@ class Labelled(str):
         return self[: -len(self.file) - 1] if len(self.file) < len(self) else ""
 
 
+class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Names the default of an option, if there is one."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        if action.default in (None, False, "", math.inf):
+            return action.help
+        return super()._get_help_string(action)
+
+
 class Parser(argparse.ArgumentParser):
     """Options that all programs have; errors and help in the form of the programs in C++."""
 
@@ -75,7 +84,7 @@ class Parser(argparse.ArgumentParser):
             prog=program,
             description=description,
             allow_abbrev=False,
-            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+            formatter_class=_HelpFormatter,
         )
         self.add_argument("--version", action="version", version=f"{program} {__version__}")
         self.add_argument("--url", metavar="LCM_URL", default=DEFAULT_URL, help="LCM address")
@@ -295,11 +304,8 @@ def run_program(
     try:
         with _signals_raise():
             code = run(options, report)
-            sys.stdout.flush()
-    except BrokenPipeError:
-        # The reader of stdout has ended; Python must not flush it again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        error, code = "standard output: cannot be written: broken pipe", EXIT_FAILED
+            with standard_output():
+                pass  # what print() has kept back
     except Interrupted:
         error, code = "interrupted", EXIT_FAILED
     except (UsageError, InputError, SceneError, ModelError) as what:
@@ -313,6 +319,18 @@ def run_program(
     if options.report and not _write_report(program, options.report, report):
         return EXIT_FAILED
     return code
+
+
+@contextlib.contextmanager
+def standard_output() -> Iterator[TextIO]:
+    """sys.stdout. Raises Error if it cannot be written, as a pipe that nobody reads."""
+    try:
+        yield sys.stdout
+        sys.stdout.flush()
+    except OSError as error:
+        # Python flushes it again at exit, and would fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise Error(f"standard output: {error.strerror}") from None
 
 
 def _write_report(program: str, file: str, report: dict[str, Any]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import signal
 import subprocess
@@ -110,6 +111,40 @@ class SignalTest(FolderTest):
 
         self.assertEqual(run_program(Parser("test", "A program."), run, []), 0)
         self.assertEqual(handlers, [signal.SIG_IGN])
+
+
+class OutputTest(FolderTest):
+    def test_standard_output_that_cannot_be_written_is_named(self) -> None:
+        scene = self.file("rig.toml", "[[contact]]\n")
+        many = "".join(f"{k}\n" for k in range(1, 20001))
+        read_end, pipe = os.pipe()
+        os.close(read_end)
+        full = os.open("/dev/full", os.O_WRONLY)
+        for times in (self.file("few.csv", "t [s]\n1\n"), self.file("many.csv", "t [s]\n" + many)):
+            for output, reason in (full, "No space left on device"), (pipe, "Broken pipe"):
+                with self.subTest(reason, times=times):
+                    done = subprocess.run(
+                        [BUILD / "tools/import_events", times, scene],
+                        stdout=output,
+                        stderr=subprocess.PIPE,
+                        text=True,
+                    )
+                    self.assertEqual(done.returncode, 1, done.stderr)
+                    last = done.stderr.splitlines()[-1]
+                    self.assertEqual(last, f"import_events: standard output: {reason}")
+        os.close(pipe)
+        os.close(full)
+
+
+class HelpTest(unittest.TestCase):
+    def test_only_defaults_that_there_are_are_named(self) -> None:
+        parser = Parser("test", "A program.")
+        parser.add_argument("--rate", type=float, default=1.5, help="of a clock")
+        parser.add_argument("--end", type=float, default=math.inf, help="of the run")
+        parser.add_argument("--flag", action="store_true", help="for nothing")
+        text = parser.format_help()
+        self.assertIn("of a clock (default: 1.5)", text)
+        self.assertEqual(text.count("(default: "), 2, text)  # and --url
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import sys
 import tomllib
 from collections.abc import Iterator, Sequence
@@ -29,6 +28,7 @@ from .._command import (
     require_compiled,
     run_program,
     scene_file,
+    standard_output,
     written,
 )
 from .._errors import Error, SceneError
@@ -389,15 +389,8 @@ def _print_hints(imported: Imported, report: dict[str, Any]) -> None:
 @contextlib.contextmanager
 def _csv(output: str | None) -> Iterator[IO[str]]:
     if not output:
-        try:
-            yield sys.stdout
-            sys.stdout.flush()
-        except BrokenPipeError:
-            raise
-        except OSError as error:
-            # Python would flush again at exit, and fail again.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            raise Error(f"standard output: {error.strerror}") from None
+        with standard_output() as stream:
+            yield stream
         return
     try:
         with written(output) as temporary:
