@@ -187,6 +187,9 @@ TEST_F(SceneOfFiles, FileNamesStayValidInOtherFolder) {
             to_toml(scene(with_files())));
   EXPECT_EQ(with_files_from(with_files(), directory_ / "", directory_ / "", "x.toml"),
             with_files());
+  EXPECT_EQ(with_files_from("[excitation]\nfile = \"a.csv\"\n[[force]]\nfile = \"b.csv\"\n",
+                            directory_ / "", directory_ / "out", "out/x.toml"),
+            "[excitation]\nfile = \"../a.csv\"\n[[force]]\nfile = \"../b.csv\"\n");
 }
 
 // A random structure on a shaken base, and the same with every force and motion written explicitly.

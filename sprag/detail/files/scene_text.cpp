@@ -231,8 +231,8 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
        std::initializer_list<std::pair<const char*, std::vector<std::string>>>{
            {"beam", {"damping_ratio", "modal_damping"}},
            {"system", {"M", "C", "K", "damping_ratio", "modal_damping"}},
-           {"excitation", {"influence"}},
-           {"force", {"direction"}},
+           {"excitation", {"influence", "file"}},
+           {"force", {"direction", "file"}},
            {"contact", {"direction"}},
            {"output", {"direction"}},
            {"master", {"q", "u"}},
