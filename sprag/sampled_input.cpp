@@ -262,10 +262,20 @@ void SampledInput::measure(std::span<const double> values) {
     interpolation_error_ = largest_difference / (12.0 * spacing_ * spacing_);
 }
 
-// Values before the first sample, from t = 0 on.
+// Values before the first sample, from t = 0 on. A delay must not make a record unusable that is
+// usable without it.
 void SampledInput::extend() {
-  if (!(first_ > 0.0) || settings_.outside == Outside::error) return;
-  const double a = settings_.outside == Outside::hold ? pieces_.front()[2] : 0.0;
+  if (!(first_ > 0.0) || (settings_.outside == Outside::error && settings_.delay == 0.0)) return;
+  if (settings_.displacement) {
+    const double velocity = pieces_.front()[1];
+    const double e = pieces_.front()[0] - velocity * first_;
+    largest_[0] = std::max(largest_[0], std::abs(e));
+    knots_.insert(knots_.begin(), 0.0);
+    pieces_.insert(pieces_.begin(), InputDerivatives{e, velocity, 0.0, 0.0, 0.0, 0.0});
+    even_ = false;
+    return;
+  }
+  const double a = settings_.outside == Outside::zero ? 0.0 : pieces_.front()[2];
   const double velocity = a * first_;
   const double e = 0.5 * a * first_ * first_;
   for (std::size_t k = 0; k < pieces_.size(); ++k) {

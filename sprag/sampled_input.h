@@ -26,7 +26,8 @@ enum class Interpolation {
 
 /// \brief Value of the input before the first and after the last sample.
 enum class Outside {
-  error,  ///< the input must not be used there; it is held
+  error,  ///< the input must not be used there; with a delay it is held before the first sample,
+          ///< and a displacement goes on with its first velocity
   zero,   ///< a = 0
   hold    ///< a keeps the value of the nearest sample
 };

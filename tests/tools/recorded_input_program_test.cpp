@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -151,6 +152,23 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
                                         "--duration", "6", "--tick", "0.01"});
   EXPECT_EQ(observed.code, 0) << observed.err;
   EXPECT_NE(observed.err.find("excitation.delay"), std::string::npos) << observed.err;
+}
+
+// The fitted delay makes the record begin after t = 0; the scene is written to another folder.
+TEST_F(RecordedInputPrograms, AFittedDelayMayMakeTheRecordBeginLater) {
+  simulate(copy("delay = 0.001\noutside = \"hold\""));
+  std::filesystem::copy_file(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv", path("base.csv"));
+  std::string text = read_text(copy(""));
+  const std::string record = SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv";
+  text.replace(text.find(record), record.size(), "base.csv");
+  const std::string given = write_text(path("given.toml"), text);
+  std::filesystem::create_directory(path("out"));
+  const Ended ended = run(IDENTIFY, {path("events.csv"), given, "--free", "excitation.delay",
+                                     "--output", path("out/fitted.toml")});
+  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
+  const Scene fitted = read_scene(path("out/fitted.toml"));
+  EXPECT_NEAR(fitted.model.forces[0].input->settings().delay, 0.001, 1e-5);
+  EXPECT_NEAR(fitted.model.forces[0].input->first(), 0.001, 1e-5);
 }
 
 TEST_F(RecordedInputPrograms, IdentifyRefusesEventsAfterTheRecord) {

@@ -96,11 +96,15 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
   if (acceleration) remark_on_gravity(table, record);
   for (double& value : record.values) value *= unit;
   const double begin = record.t.front() + settings.delay;
-  if (settings.outside == Outside::error && begin > 0.0) {
+  const bool is_late = settings.outside == Outside::error && begin > 0.0;
+  if (is_late && settings.delay == 0.0) {
     table.fail("file", "begins at t = " + to_text(begin) +
-                           (settings.delay != 0.0 ? " with its delay" : "") +
                            "; must begin at t <= 0, or the table must have outside = \"zero\" or "
                            "\"hold\"");
+  }
+  if (is_late) {
+    table.remark("file", "begins at t = " + rounded(begin) + " with its delay; before, its first " +
+                             (displacement ? "velocity" : "value") + " is held");
   }
   auto input = std::make_shared<const SampledInput>(record.t, record.values, std::move(settings));
   if (!std::isfinite(input->largest(2)) || !std::isfinite(input->largest(5))) {
