@@ -8,6 +8,7 @@
 #include "command_line/program.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_log.h"
+#include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/mechanics/definiteness.h"
 #include "sprag/events_file.h"
 #include "sprag/scene_file.h"
@@ -373,6 +374,25 @@ TEST_F(IdentifyProgramTest, MisfitIsRefusedUnlessAccepted) {
                 "--within", "0.1", "--accept", "--output", path("fitted.toml")});
   EXPECT_EQ(taken.code, 0) << taken.out;
   EXPECT_GT(read_scene(path("fitted.toml")).prior.jitter, 1e-3);
+}
+
+// The jitter that was given and the scatter that was found are both printed.
+TEST_F(IdentifyProgramTest, AnAcceptedMisfitKeepsTheSpecifiedJitter) {
+  const std::string text = read_text(scene_file("paper_beam"));
+  const std::string events = events_of(replaced(text, "modes = 3", "modes = 4"), 60.0);
+  const Ended taken =
+      identify({events, scene_file("paper_beam"), "--free", "beam.damping", "--jitter", "1e-5",
+                "--accept", "--output", path("fitted.toml"), "--report", path("report.json")});
+  ASSERT_EQ(taken.code, 0) << taken.out << taken.err;
+  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const double scatter = report["scatter"];
+  EXPECT_EQ(report["jitter"], 1e-5);
+  EXPECT_GT(scatter, 1e-3);
+  const std::string found = short_number(scatter, 3);
+  EXPECT_NE(taken.out.find("jitter 1e-05 s as specified, scatter " + found + " s as found."),
+            std::string::npos)
+      << taken.out;
+  EXPECT_EQ(read_scene(path("fitted.toml")).prior.jitter, scatter);
 }
 
 // --within is relative to the scene's value.

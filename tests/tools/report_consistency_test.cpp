@@ -9,6 +9,7 @@
 #include <random>
 #include <sstream>
 
+#include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/events_file.h"
 #include "sprag/scene_file.h"
@@ -339,9 +340,14 @@ void ReportConsistencyTest::check_verdict(const Ended& ended) {
     EXPECT_EQ(report_[number].is_null(), !converged) << number;
   }
   if (!converged) return;
-  EXPECT_EQ(has(text, "s as specified."), report_["jitter_told"].get<bool>());
-  EXPECT_EQ(has(text, "s as found."),
-            !report_["jitter_told"].get<bool>() && !has(text, "exact times (scatter"));
+  const std::string found = short_number(report_["scatter"], 3) + " s as found.";
+  if (report_["jitter_told"].get<bool>()) {
+    const std::string given = short_number(report_["jitter"], 3) + " s as specified, scatter ";
+    EXPECT_TRUE(has(text, ", jitter " + given + found)) << text;
+  } else if (!has(text, "exact times (scatter")) {
+    EXPECT_TRUE(has(text, (fits ? ", jitter " : ", scatter ") + found)) << text;
+  }
+  EXPECT_EQ(has(text, "s as specified"), report_["jitter_told"].get<bool>());
   if (report_["jitter_told"].get<bool>() && fits) {
     EXPECT_LE(report_["chi2"].get<double>(), report_["largest_chi2"].get<double>());
   }

@@ -357,7 +357,8 @@ std::string to_text(const IdentifyResult& result) {
           " from t = " + number(fit.from, 4) + " to " + number(fit.to, 4);
   if (fit.stretches > 1) text += " in " + std::to_string(fit.stretches) + " stretches";
   if (fit.jitter_given) {
-    text += ", jitter " + number(fit.jitter, 3) + " s as specified.\n";
+    text += ", jitter " + number(fit.jitter, 3) + " s as specified, scatter " +
+            number(fit.scatter, 3) + " s as found.\n";
   } else if (fit.fits() && fit.scatter < exact * fit.interval) {
     text += ", exact times (scatter " + number(fit.scatter, 2) + " s).\n";
   } else {
