@@ -752,6 +752,41 @@ TEST(ListenTest, LinesAreReadInManyFormats) {
   }
 }
 
+// Oscilloscopes print one below the names of the columns.
+TEST(ListenTest, ARowOfUnitsIsUsed) {
+  IntakeOptions options = plain();
+  options.lines.levels = {"1=Channel A"};
+  options.lines.threshold = 2.5;
+  const std::string header = "Time,Channel A\n", rows = "\n1000,0.1\n1500,4.9\n";
+  const std::vector<ContactEvent> events{{1.5, 0, closes}};
+  const auto taken = [&](const std::string& text) {
+    Kept kept;
+    Intake intake(options, kept);
+    intake.take(text, 0.0);
+    return kept;
+  };
+  const Kept of_row = taken(header + "(ms),(V)\n" + rows);
+  EXPECT_EQ(of_row.sessions[0], events);
+  EXPECT_TRUE(of_row.problems.empty()) << of_row.problems[0];
+  ASSERT_EQ(of_row.notices.size(), 1U);
+  EXPECT_EQ(of_row.notices[0], "times are in ms, as the row of units says");
+  EXPECT_EQ(taken(header + "ms,V\n" + rows).sessions[0], events);
+  EXPECT_EQ(taken("Time (us),Channel A\n[ms],[V]\n" + rows).sessions[0], events);
+
+  const Kept unknown = taken(header + "(div),(V)\n" + rows);
+  ASSERT_EQ(unknown.problems.size(), 1U);
+  EXPECT_NE(unknown.problems[0].find("times are in div; say how long that is: --unit SECONDS"),
+            std::string::npos);
+  const Kept late = taken(header + "0,0\n(ms),(V)\n");
+  ASSERT_EQ(late.problems.size(), 1U);
+  EXPECT_NE(late.problems[0].find("the time is not a number"), std::string::npos);
+
+  // --unit counts.
+  options.clock.unit = parse_decimal("2e-3").value();
+  const Kept given = taken(header + "(ms),(V)\n1000,0.1\n1500,4.9\n");
+  EXPECT_EQ(given.sessions[0], (std::vector<ContactEvent>{{3.0, 0, closes}}));
+}
+
 TEST(ListenTest, HeadersThatCannotBeUsedAreNamed) {
   const auto why = [](const std::string& text, auto change) {
     IntakeOptions options = plain();

@@ -6,8 +6,6 @@
 #include <cstdio>
 #include <utility>
 
-#include "tools/listen/unit.h"
-
 namespace sprag {
 
 namespace {
@@ -78,10 +76,12 @@ void Intake::take_line(const ParsedLine& line, std::int64_t number, std::string_
     sink_.notice("lines arrive again");
   }
   last_line_ = arrival;
-  if (line.kind == Kind::header) {
-    header_again_ = any_session_;
-    if (const auto unit = unit_in(parser_.time_name()); unit && unit->seconds) {
+  if (line.kind == Kind::header) header_again_ = any_session_;
+  if (line.kind == Kind::header || line.kind == Kind::units) {
+    if (const auto unit = parser_.time_unit(); unit && unit->seconds) {
       clock_.set_named_unit(*unit->seconds);
+      if (line.kind == Kind::units && !options_.clock.unit)
+        sink_.notice("times are in " + unit->text + ", as the row of units says");
     } else if (unit && !options_.clock.unit) {
       refuse(number, text, "times are in " + unit->text + "; say how long that is: --unit SECONDS");
     }

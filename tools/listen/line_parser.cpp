@@ -189,8 +189,9 @@ LineParser::LineParser(const LineOptions& options)
   }
 }
 
-std::string LineParser::time_name() const {
-  return roles_.time && !names_.empty() ? names_[*roles_.time] : "";
+std::optional<NamedUnit> LineParser::time_unit() const {
+  if (row_unit_ || !roles_.time || names_.empty()) return row_unit_;
+  return unit_in(names_[*roles_.time]);
 }
 
 // Reads a line of gpiomon. Returns false if it is none.
@@ -297,6 +298,14 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
   return {};
 }
 
+// Reads a row of units, which can only stand before the first time. Returns false if it is none.
+bool LineParser::read_units() {
+  if (begun_ || !roles_.time) return false;
+  const std::optional<NamedUnit> unit = unit_of_cell(fields_[*roles_.time]);
+  if (unit) row_unit_ = unit;
+  return unit.has_value();
+}
+
 std::string LineParser::read_level(std::string_view text, int contact, ParsedLine& result) const {
   const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
   if (const auto level = level_after(text)) {
@@ -340,6 +349,8 @@ ParsedLine LineParser::parse(std::string_view line) {
     const std::string why = assign({fields_.begin(), fields_.end()});
     if (!why.empty()) return refuse("is a header that cannot be used: " + why);
     headed_ = true;
+    begun_ = false;
+    row_unit_.reset();
     result.kind = Kind::header;
     return result;
   }
@@ -350,10 +361,15 @@ ParsedLine LineParser::parse(std::string_view line) {
     return refuse("has " + counted_fields(fields_.size()) + "; must have " +
                   std::to_string(names_.size()));
   }
+  if (read_units()) {
+    result.kind = Kind::units;
+    return result;
+  }
   const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
   if (roles_.time) {
     result.time = parse_clock_time(fields_[*roles_.time], mark);
     if (!result.time) return refuse("the time is not a number");
+    begun_ = true;
   }
   int contact = 0;
   if (roles_.contact) {

@@ -5,8 +5,9 @@
 // each contact (--level). A header line or --columns names the columns; without both they are
 // time,contact,level. Without a level a line is an impact. Fields are separated by tabs,
 // semicolons, commas or blanks. The output of gpiomon (libgpiod 1 and 2) is read as it is; --level
-// names its GPIO lines. Lines that begin with # or ; are comments. A further column may
-// have samples of an input (--input); a line without a number there has no sample.
+// names its GPIO lines. Lines that begin with # or ; are comments. A row of units may follow the
+// header. A further column may have samples of an input (--input); a line without a number there
+// has no sample.
 #pragma once
 
 #include <optional>
@@ -15,6 +16,7 @@
 #include <vector>
 
 #include "tools/listen/clock_time.h"
+#include "tools/listen/unit.h"
 
 namespace sprag {
 
@@ -44,7 +46,7 @@ struct ContactLevel {
 };
 
 struct ParsedLine {
-  enum class Kind { nothing, header, levels, problem };
+  enum class Kind { nothing, header, units, levels, problem };
 
   Kind kind = Kind::nothing;
   std::optional<ClockTime> time;
@@ -65,8 +67,8 @@ class LineParser {
   /// at the start and not an edge.
   bool has_all_levels() const { return !levels_.empty(); }
 
-  /// Name of the column of times, which may contain their unit; empty: there is no column yet.
-  std::string time_name() const;
+  /// The unit of times that the row of units or else the name of their column states.
+  std::optional<NamedUnit> time_unit() const;
 
  private:
   struct Roles {
@@ -77,6 +79,7 @@ class LineParser {
   bool read_gpiomon(std::string_view line, ParsedLine& result) const;
   bool split(std::string_view line, std::size_t wanted);
   bool is_header() const;
+  bool read_units();
   std::string assign(const std::vector<std::string>& names);
   std::string read_sample(std::string_view text, ParsedLine& result) const;
   std::string read_level(std::string_view text, int contact, ParsedLine& result) const;
@@ -85,8 +88,10 @@ class LineParser {
   std::vector<LevelColumn> levels_;
   std::vector<std::string> names_;  // empty: not known
   Roles roles_;
-  bool headed_ = false;   // a header has named the columns
-  char separator_ = ',';  // of the last line
+  bool headed_ = false;                // a header has named the columns
+  bool begun_ = false;                 // a line with a time has followed the header, or the start
+  std::optional<NamedUnit> row_unit_;  // of times, in a row of units
+  char separator_ = ',';               // of the last line
   std::vector<std::string_view> fields_;
 };
 

@@ -82,4 +82,13 @@ std::optional<NamedUnit> unit_in(std::string_view column) {
   return std::nullopt;
 }
 
+std::optional<NamedUnit> unit_of_cell(std::string_view cell) {
+  cell = without_blanks(cell);
+  const bool in_brackets = (cell.starts_with('(') && cell.ends_with(')')) ||
+                           (cell.starts_with('[') && cell.ends_with(']'));
+  if (!in_brackets) return as_unit(cell);
+  const std::string_view inner = without_blanks(cell.substr(1, cell.size() - 2));
+  return as_unit(inner).value_or(NamedUnit{std::string(inner), std::nullopt});
+}
+
 }  // namespace sprag

@@ -22,4 +22,8 @@ struct NamedUnit {
 /// Nullopt if the name contains no unit.
 std::optional<NamedUnit> unit_in(std::string_view column);
 
+/// The unit in a cell of a row of units: "ms", "(ms)", "[V]". Nullopt if the cell is no unit of
+/// time and has no brackets.
+std::optional<NamedUnit> unit_of_cell(std::string_view cell);
+
 }  // namespace sprag
