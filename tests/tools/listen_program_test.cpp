@@ -328,6 +328,21 @@ TEST_F(ListenProgramTest, ADeviceThatRestartsBeginsANewSession) {
   EXPECT_NE(process.err().find("was restarted"), std::string::npos);
 }
 
+/// How often a recorded message has another session than the one before.
+int changes_of_session(const std::filesystem::path& file) {
+  ChannelLogReader reader(file);
+  ChannelRecord record;
+  ContactMessage message;
+  std::optional<std::int64_t> session;
+  int changes = 0;
+  while (reader.next(record)) {
+    EXPECT_EQ(decode(record.data, message), Refusal::none);
+    if (session && *session != message.session) ++changes;
+    session = message.session;
+  }
+  return changes;
+}
+
 // A session that has ended must not send beside the next one.
 TEST_F(ListenProgramTest, ARestartOfAnUnpacedDeviceIsTwoRunsOfAReplay) {
   for (int repetition = 0; repetition < 5; ++repetition) {
@@ -336,6 +351,7 @@ TEST_F(ListenProgramTest, ARestartOfAnUnpacedDeviceIsTwoRunsOfAReplay) {
     wire.send("1,1,1\n1.001,1,0\n2,1,1\n2.001,1,0\n0.5,1,1\n0.501,1,0\n");
     wire.hang_up();
     EXPECT_EQ(process.wait(patience), 0) << process.err();
+    EXPECT_EQ(changes_of_session(directory_ / "run.lcmlog"), 1);
     std::filesystem::remove(path("pipe"));
     Process& replay = start({OBSERVER, scene_, "--replay", path("run.lcmlog"), "--events",
                              path("events.csv"), "--report", path("replay.json")});
