@@ -901,6 +901,19 @@ TEST(ListenTest, LinesOfGpiomonAreRead) {
             events);
 }
 
+// The first line is an edge, unlike a first row of levels, which is the state at the start.
+TEST(ListenTest, TheFirstLineOfGpiomonIsAnImpact) {
+  IntakeOptions options = plain();
+  options.lines.levels = {"1=17"};
+  options.impacts = Edge::rising;
+  Kept kept;
+  Intake intake(options, kept);
+  intake.take("0.5\trising\tgpiochip0 17\n0.75\tfalling\tgpiochip0 17\n", 0.0);
+  intake.finish();
+  ASSERT_EQ(kept.sessions.size(), 1U);
+  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{0.5, 0, pulse}}));
+}
+
 TEST(ListenTest, LinesOfGpiomonThatCannotBeUsedAreNamed) {
   const auto problem = [](const std::string& line, const Texts& levels) {
     LineOptions options;
