@@ -10,7 +10,7 @@ from ._version import __version__
 
 # Each program with its module in this package, which has a function main().
 PROGRAMS: dict[str, str] = {
-    "import_events": "importing",
+    "import_events": "importing.program",
     "plot": "plot",
     "report": "report",
     "study": "study",

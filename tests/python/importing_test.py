@@ -97,7 +97,7 @@ class FileTest(unittest.TestCase):
         imported = import_table(
             table, contacts, Columns(**by), Clock(**how), Levels(**levels), Rules(**rules)
         )
-        said = " | ".join(imported.remarks + imported.doubts + [str(p) for p in imported.problems])
+        said = " | ".join(table.remarks + table.doubts + [str(p) for p in table.problems])
         return imported.events["t"], said
 
     def check(
@@ -704,7 +704,7 @@ class ContactTest(FileTest):
         columns = Columns(on={1: "on"}, off={1: "off"})
         of = import_table(table, 1, columns, clock, Levels(), Rules(**rules))
         events = [(t, kind) for t, _, kind in of.events.tolist()]
-        return events, [str(problem) for problem in of.problems]
+        return events, [str(problem) for problem in table.problems]
 
     def test_pairs(self):
         self.assertEqual(

@@ -10,7 +10,7 @@ import os
 import tomllib
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Optional, Union
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,29 +23,20 @@ from .times import ArgumentError, Clock
 if TYPE_CHECKING:
     from .._core import Scene
 
-__all__ = ["import_events", "main"]
+__all__ = ["import_events"]
 
-_Columns = Union[str, Mapping[int, str], None]
-
-
-def main() -> int:
-    """The program import_events."""
-    from .program import main as run
-
-    return run()
+_Columns: TypeAlias = str | Mapping[int, str] | None
 
 
 def _by_contact(columns: _Columns) -> dict[int, str]:
-    if columns is None:
-        return {}
-    return {1: columns} if isinstance(columns, str) else dict(columns)
+    return {1: columns} if isinstance(columns, str) else dict(columns or {})
 
 
-def _as_text(value: Union[float, str]) -> str:
+def _as_text(value: float | str) -> str:
     return f"{value:.17g}" if isinstance(value, float) else str(value)
 
 
-def _check_rate(scene: Union[Scene, int], rate: float) -> int:
+def _contacts(scene: Scene | int, rate: float) -> int:
     """Number of contacts. Refuses a rate that the scene's clock would correct again."""
     if isinstance(scene, int):
         return scene
@@ -58,29 +49,29 @@ def _check_rate(scene: Union[Scene, int], rate: float) -> int:
 
 
 def import_events(
-    file: Union[str, os.PathLike[str]],
-    scene: Union[Scene, int],
+    file: str | os.PathLike[str],
+    scene: Scene | int,
     *,
     impacts: _Columns = None,
     on: _Columns = None,
     off: _Columns = None,
     level: _Columns = None,
-    time: Optional[str] = None,
-    threshold: Optional[float] = None,
+    time: str | None = None,
+    threshold: float | None = None,
     inverted: bool = False,
-    impacts_at: Optional[str] = None,
-    sample_rate: Optional[float] = None,
-    unit: Union[float, str, None] = None,
-    offset: Union[float, str] = 0.0,
+    impacts_at: str | None = None,
+    sample_rate: float | None = None,
+    unit: float | str | None = None,
+    offset: float | str = 0.0,
     rate: float = 1.0,
-    counter_bits: Optional[int] = None,
-    day_first: Optional[bool] = None,
+    counter_bits: int | None = None,
+    day_first: bool | None = None,
     any_order: bool = False,
     debounce: float = 0.0,
     pulse_shorter_than: float = 0.0,
     duration: float = np.inf,
-    columns: Optional[Sequence[str]] = None,
-    separator: Optional[str] = None,
+    columns: Sequence[str] | None = None,
+    separator: str | None = None,
     skip_lines: int = 0,
 ) -> npt.NDArray[np.void]:
     """Reads columns of time stamps or levels as events, n entries of event_dtype, t in seconds.
@@ -101,9 +92,8 @@ def import_events(
     unit: "s", "ms", "us", "ns" or seconds, None: as the file says, else seconds; offset: the file's
     time at the machine's t = 0, in its unit or as a date or a time such as "12:34:00"; rate:
     seconds of the file's clock per second of the machine; counter_bits: times are a counter of so
-    many bits
-    that wraps; day_first: of dates such as 5/3/2024; any_order: times of a column may go back,
-    which is refused otherwise. debounce [s]: bounces that follow sooner are merged;
+    many bits that wraps; day_first: of dates such as 5/3/2024; any_order: times of a column may go
+    back, which is refused otherwise. debounce [s]: bounces that follow sooner are merged;
     pulse_shorter_than [s]: shorter contacts become pulses. Later events than duration [s] are left
     out. columns: names of the columns of a file without a header line; separator: "comma",
     "semicolon", "tab" or "blank", None: as the file shows; skip_lines: lines before the table.
@@ -116,24 +106,18 @@ def import_events(
         raise ArgumentError(
             f'separator is "{separator}"; must be "comma", "semicolon", "tab" or "blank"'
         )
-    contacts = _check_rate(scene, rate)
-    clock = Clock(
-        None if unit is None else _as_text(unit),
-        _as_text(offset),
-        rate,
-        counter_bits,
-        day_first,
-        any_order,
-    )
-    levels = Levels(time or None, threshold, inverted, impacts_at, sample_rate)
-    rules = Rules(debounce, pulse_shorter_than, duration)
+    contacts = _contacts(scene, rate)
     chosen = Columns(*map(_by_contact, (impacts, on, off, level)))
     chosen.check(contacts)
+    unit = None if unit is None else _as_text(unit)
+    clock = Clock(unit, _as_text(offset), rate, counter_bits, day_first, any_order)
+    levels = Levels(time or None, threshold, inverted, impacts_at, sample_rate)
+    rules = Rules(debounce, pulse_shorter_than, duration)
     table = read_file(file, columns, separator, skip_lines)
     with located(file):
-        imported = import_table(table, contacts, chosen, clock, levels, rules)
-    for problem in imported.problems:
-        warnings.warn(f"{os.fspath(file)}:{problem}; left out", RuntimeWarning, stacklevel=2)
-    for doubt in imported.doubts:
-        warnings.warn(f"{os.fspath(file)}: {doubt}", RuntimeWarning, stacklevel=2)
-    return imported.events
+        events = import_table(table, contacts, chosen, clock, levels, rules).events
+    for text in [f":{problem}; left out" for problem in table.problems] + [
+        f": {doubt}" for doubt in table.doubts
+    ]:
+        warnings.warn(f"{os.fspath(file)}{text}", RuntimeWarning, stacklevel=2)
+    return events

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,17 @@ import numpy.typing as npt
 
 from .._command import require_compiled
 from .._errors import InputError
-from .moments import LEVEL_WORDS, NUMBER, number
-from .tables import Problem, Table
-from .times import ArgumentError, Clock, Floats, TimeReader, time_column
+from .moments import LEVEL_WORDS
+from .tables import Problem, Table, counted
+from .times import (
+    ArgumentError,
+    Clock,
+    Floats,
+    TimeReader,
+    numbers,
+    sample_times,
+    time_column,
+)
 
 PULSE = 3
 EVENT = np.dtype(  # event_dtype of the compiled part
@@ -29,8 +36,11 @@ EVENT = np.dtype(  # event_dtype of the compiled part
         "itemsize": 16,
     }
 )
-EDGES = ("rising", "falling", "both")
+# The changes of a level that are impacts; see _changes().
+EDGES = {"rising": (1,), "falling": (-1,), "both": (1, -1)}
 LARGEST_CONTACT = 60
+
+Events = npt.NDArray[np.void]
 
 
 @dataclass(frozen=True)
@@ -50,27 +60,27 @@ class Columns:
 
     def check(self, contacts: int) -> None:
         """Raises ArgumentError if the columns contradict each other or the scene."""
-        of_scene = f"the scene has {contacts} contact{'' if contacts == 1 else 's'}"
         for role in ("impacts", "on", "off", "level"):
             for contact, name in getattr(self, role).items():
                 if not 1 <= contact <= contacts:
                     raise ArgumentError(
-                        f"--{role} {name} is for contact {contact}; {of_scene}, counted from 1"
+                        f"--{role} {name} is for contact {contact}; the scene has "
+                        f"{counted(contacts, 'contact')}, counted from 1"
                     )
         for contact in self.contacts():
-            pair = contact in self.on or contact in self.off
-            if contact in self.impacts and pair:
-                raise ArgumentError(
-                    f"contact {contact} has --impacts and --on or --off; must be either"
-                )
-            if contact in self.level and (pair or contact in self.impacts):
-                raise ArgumentError(
-                    f"contact {contact} has --level and --impacts, --on or --off; must be either"
-                )
-            if contact in self.on and contact not in self.off:
-                raise ArgumentError(f"contact {contact} has --on without --off")
-            if contact in self.off and contact not in self.on:
-                raise ArgumentError(f"contact {contact} has --off without --on")
+            on, off = contact in self.on, contact in self.off
+            impacts, level = contact in self.impacts, contact in self.level
+            for contradiction, what in [
+                (impacts and (on or off), "--impacts and --on or --off; must be either"),
+                (
+                    level and (on or off or impacts),
+                    "--level and --impacts, --on or --off; must be either",
+                ),
+                (on and not off, "--on without --off"),
+                (off and not on, "--off without --on"),
+            ]:
+                if contradiction:
+                    raise ArgumentError(f"contact {contact} has {what}")
 
 
 @dataclass(frozen=True)
@@ -121,22 +131,16 @@ class Figures:
 class Imported:
     """Events of a file, n entries of EVENT, times ascending [s]."""
 
-    events: npt.NDArray[np.void]
-    closings: npt.NDArray[np.void]  # all, before debouncing, EVENT; kind PULSE: an impact
+    events: Events
+    closings: Events  # all, before debouncing, EVENT; kind PULSE: an impact
     figures: list[Figures]
-    problems: list[Problem]
-    remarks: list[str]
-    doubts: list[str]
-    of_clock: bool
+    of_clock: bool  # some times are dates or times of day
 
 
-@dataclass
-class _Edges:
-    """Times of one contact [s], with the row of each in the table."""
-
-    impacts: tuple[Floats, str] | None = None
-    closings: tuple[Floats, str] | None = None
-    openings: tuple[Floats, str] | None = None
+# Of one contact by role, "closings", "openings" or "impacts": the column, and the times
+# [s] of all rows, NaN where there is none.
+_Edges = dict[str, tuple[str, Floats]]
+_ROLES = ("closings", "openings", "impacts")
 
 
 def import_table(
@@ -155,24 +159,22 @@ def import_table(
         table.doubts.append(
             f"contact {contact} of the scene has no column: it will seem open throughout"
         )
-    _doubt_alternating(table, columns)
-    edges, of_clock = _edges_of(table, columns, clock, levels)
+    if columns.impacts:
+        _doubt_alternating(table)
+    edges, of_clock = _edges_of_times(table, columns, clock)
+    if columns.level:
+        of_levels, level_clock = _edges_of_levels(table, columns.level, clock, levels)
+        edges.update(of_levels)
+        of_clock = of_clock or level_clock
     events, closings, figures = [], [], []
     for contact, of in sorted(edges.items()):
-        closings.append(_closings(contact, of))
         made, counts = _events_of(table, contact, of, rules)
         events.append(made)
         figures.append(counts)
+        _, t = of["impacts"] if "impacts" in of else of["closings"]
+        closings.append(_as_events(_sorted(t)[0], contact, PULSE if "impacts" in of else 1))
     table.problems.sort(key=lambda problem: problem.line)
-    return Imported(
-        _by_time(events),
-        _by_time(closings),
-        figures,
-        table.problems,
-        table.remarks,
-        table.doubts,
-        of_clock,
-    )
+    return Imported(_by_time(events), _by_time(closings), figures, of_clock)
 
 
 def _chosen(table: Table, contacts: int, columns: Columns) -> Columns:
@@ -181,67 +183,60 @@ def _chosen(table: Table, contacts: int, columns: Columns) -> Columns:
         return columns
     if len(table.names) == 1 and contacts == 1:
         return Columns(impacts={1: table.names[0]})
-    listed = ", ".join(f"'{name}'" for name in table.names)
     raise ArgumentError(
-        f"the file has {len(table.names)} column{'' if len(table.names) == 1 else 's'} and the "
-        f"scene has {contacts} contact{'' if contacts == 1 else 's'}; name the columns with "
-        f"--impacts, or --on and --off, or --level; there are {listed}"
+        f"the file has {counted(len(table.names), 'column')} and the scene has "
+        f"{counted(contacts, 'contact')}; name the columns with --impacts, or --on and --off, or "
+        f"--level; there are {table.listed()}"
     )
 
 
-def _edges_of(
-    table: Table, columns: Columns, clock: Clock, levels: Levels
-) -> tuple[dict[int, _Edges], bool]:
-    edges: dict[int, _Edges] = {}
-    of_clock = False
+def _doubt_alternating(table: Table) -> None:
+    """A column that alternates between 0 and 1 suggests that impacts are edges of a level."""
+    for name, column in zip(table.names, zip(*table.rows)):
+        cells = [cell for cell in column if cell]
+        if len(cells) < 4 or not set(cells) <= {"0", "1"}:
+            continue
+        if all(a != b for a, b in zip(cells, cells[1:])):
+            table.doubts.append(
+                f"column '{name}' alternates between 0 and 1: these are the times of both its "
+                "edges, and each is taken as an impact; --level distinguishes closings from "
+                "openings"
+            )
+            return
+
+
+def _edges_of_times(table: Table, columns: Columns, clock: Clock) -> tuple[dict[int, _Edges], bool]:
+    """Edges by contact, and whether the times are those of a clock."""
     named = [*columns.impacts.values(), *columns.on.values(), *columns.off.values()]
     for name in named:
         table.column(name)
-    if named:
-        reader = TimeReader(table, named, clock)
-        for contact, name in columns.impacts.items():
-            edges[contact] = _Edges(impacts=(reader.seconds(name), name))
-        for contact, name in columns.on.items():
-            off = columns.off[contact]
-            edges[contact] = _Edges(None, (reader.seconds(name), name), (reader.seconds(off), off))
-        of_clock = reader.of_clock
-    if columns.level:
-        of_levels, level_clock = _edges_of_levels(table, columns.level, clock, levels)
-        edges.update(of_levels)
-        of_clock = of_clock or level_clock
-    return edges, of_clock
+    if not named:
+        return {}, False
+    reader = TimeReader(table, named, clock)
+    edges: dict[int, _Edges] = {}
+    for role, of_role in zip(_ROLES, (columns.on, columns.off, columns.impacts)):
+        for contact, name in of_role.items():
+            edges.setdefault(contact, {})[role] = (name, reader.seconds(name))
+    return edges, reader.of_clock
 
 
 def _edges_of_levels(
     table: Table, columns: Mapping[int, str], clock: Clock, levels: Levels
 ) -> tuple[dict[int, _Edges], bool]:
-    compiled = require_compiled("the import of levels")
     time = None if levels.sample_rate else time_column(table, levels.time)
-    changes = {
-        contact: _changes(compiled, table, given, time, levels)
-        for contact, given in columns.items()
-    }
-    of_clock = False
-    if levels.sample_rate:
-        t = np.arange(len(table.rows)) / (levels.sample_rate * clock.rate)
-    else:
-        assert time is not None
-        reader = TimeReader(table, [time], clock)
-        needed = np.logical_or.reduce([change != 0 for change in changes.values()])
-        t = reader.seconds_of_levels(time, needed)
-        of_clock = reader.of_clock
-    edges = {}
+    changes = {contact: _changes(table, given, time, levels) for contact, given in columns.items()}
+    needed = np.logical_or.reduce([change != 0 for change in changes.values()])
+    t, of_clock = sample_times(table, time, levels.sample_rate, clock, needed)
+    edges: dict[int, _Edges] = {}
     for contact, change in changes.items():
         # A first level that is high (2) is a closing, but no edge that is an impact.
-        wanted = {"rising": (1,), "falling": (-1,), "both": (1, -1)}
+        of_role = {"closings": (1, 2), "openings": (-1,)}
         if levels.impacts_at:
-            times = np.where(np.isin(change, wanted[levels.impacts_at]), t, np.nan)
-            edges[contact] = _Edges(impacts=(times, columns[contact]))
-        else:
-            closings = np.where(change > 0, t, np.nan)
-            openings = np.where(change < 0, t, np.nan)
-            name = columns[contact]
-            edges[contact] = _Edges(None, (closings, name), (openings, name))
+            of_role = {"impacts": EDGES[levels.impacts_at]}
+        edges[contact] = {
+            role: (columns[contact], np.where(np.isin(change, wanted), t, np.nan))
+            for role, wanted in of_role.items()
+        }
         if levels.impacts_at == "both":
             table.doubts.append(
                 f"both edges of '{columns[contact]}' are taken as impacts: a contact that closes "
@@ -250,10 +245,9 @@ def _edges_of_levels(
     return edges, of_clock
 
 
-def _changes(
-    compiled: ModuleType, table: Table, given: str, time: str | None, levels: Levels
-) -> npt.NDArray[np.int8]:
+def _changes(table: Table, given: str, time: str | None, levels: Levels) -> npt.NDArray[np.int8]:
     """Of each row: 1 the level rises, -1 it falls, 2 it is the first one and high, 0 neither."""
+    compiled = require_compiled("the import of levels")
     name, cells = _level_cells(table, given)
     if name == time:
         raise InputError(f"column '{name}' is the one of times and has no levels")
@@ -289,14 +283,8 @@ def _level_values(
             table.remarks.append(f"levels of '{name}': {', '.join(sorted(meanings))}")
         as_words = [LEVEL_WORDS[cell.casefold()] if cell else np.nan for cell in cells]
         return np.array(as_words, float), 0.5
-    values = np.full(len(cells), np.nan)
-    bad = []
-    for i, cell in enumerate(cells):
-        read = number(cell) if NUMBER.fullmatch(cell) else None
-        if read is not None:
-            values[i] = float(read)
-        elif cell:
-            bad.append(i)
+    values = numbers(cells)
+    bad = [i for i, cell in enumerate(cells) if cell and np.isnan(values[i])]
     known = values[np.isfinite(values)]
     if bad and not len(known):
         raise InputError(
@@ -306,43 +294,37 @@ def _level_values(
     table.problems += [
         Problem(table.lines[i], name, f"{cells[i]} is not a finite number") for i in bad
     ]
-    if threshold is None:
-        if not np.isin(known, (0.0, 1.0)).all():
-            raise InputError(
-                f"the levels of '{name}' are not 0 and 1 (from {known.min():g} to "
-                f"{known.max():g}); say from where on it is high: --threshold X"
-            )
-        return values, 0.5
-    if len(known) and not (known > threshold).any():
+    if threshold is None and not np.isin(known, (0.0, 1.0)).all():
+        raise InputError(
+            f"the levels of '{name}' are not 0 and 1 (from {known.min():g} to {known.max():g}); "
+            "say from where on it is high: --threshold X"
+        )
+    if threshold is not None and len(known) and not (known > threshold).any():
         table.doubts.append(
             f"no level of '{name}' is above the threshold {threshold:g}; the largest is "
             f"{known.max():g}"
         )
-    return values, threshold
+    return values, 0.5 if threshold is None else threshold
 
 
-def _events_of(
-    table: Table, contact: int, edges: _Edges, rules: Rules
-) -> tuple[npt.NDArray[np.void], Figures]:
-    if edges.impacts and not rules.debounce:
-        return _plain_impacts(table, contact, *edges.impacts, rules.duration)
+def _events_of(table: Table, contact: int, edges: _Edges, rules: Rules) -> tuple[Events, Figures]:
+    if "impacts" in edges and not rules.debounce:
+        return _plain_impacts(table, contact, *edges["impacts"], rules.duration)
     compiled = require_compiled(
-        "--debounce" if edges.impacts else "the import of closings and openings"
+        "--debounce" if "impacts" in edges else "the import of closings and openings"
     )
-    lists = (edges.closings, edges.openings, edges.impacts)
-    sorted_times = [_sorted(of[0]) if of else (np.empty(0), np.empty(0, int)) for of in lists]
+    nothing = ("", np.empty(0))
+    times = [_sorted(edges.get(role, nothing)[1]) for role in _ROLES]
     events, counts, refused = compiled._contact_events(
         contact,
-        *(times for times, _ in sorted_times),
+        *(t for t, _ in times),
         debounce=rules.debounce,
         pulse_shorter_than=rules.pulse_shorter_than,
         duration=rules.duration,
     )
     for of, index, what in refused:
-        column = lists[of]
-        assert column is not None
-        line = table.lines[int(sorted_times[of][1][index])]
-        table.problems.append(Problem(line, column[1], what))
+        line = table.lines[int(times[of][1][index])]
+        table.problems.append(Problem(line, edges[_ROLES[of]][0], what))
     return events, Figures(contact, **counts)
 
 
@@ -354,9 +336,9 @@ def _sorted(times: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
 
 
 def _plain_impacts(
-    table: Table, contact: int, times: Floats, name: str, duration: float
-) -> tuple[npt.NDArray[np.void], Figures]:
-    """Impacts as they are: sorted, and one at a time."""
+    table: Table, contact: int, name: str, times: Floats, duration: float
+) -> tuple[Events, Figures]:
+    """Impacts as they are, sorted and one at a time: for this nothing compiled is needed."""
     t, rows = _sorted(times)
     again = np.diff(t, prepend=-np.inf) == 0.0
     table.problems += [
@@ -364,46 +346,18 @@ def _plain_impacts(
         for at, row in zip(t[again], rows[again])
     ]
     t = t[~again]
-    inside = t[(t >= 0.0) & (t <= duration)]
-    figures = Figures(
-        contact,
-        pulses=len(inside),
-        before_start=int((t < 0.0).sum()),
-        after_duration=int((t > duration).sum()),
-    )
-    return _as_events(inside, contact, PULSE), figures
+    early, late = int((t < 0.0).sum()), int((t > duration).sum())
+    events = _as_events(t[(t >= 0.0) & (t <= duration)], contact, PULSE)
+    return events, Figures(contact, len(events), before_start=early, after_duration=late)
 
 
-def _by_time(parts: Sequence[npt.NDArray[np.void]]) -> npt.NDArray[np.void]:
+def _by_time(parts: Sequence[Events]) -> Events:
     """All entries, by time; those of one time in the order of the parts."""
     everything: npt.NDArray[Any] = np.concatenate(parts)
     return everything[np.argsort(everything["t"], kind="stable")].astype(EVENT)
 
 
-def _closings(contact: int, edges: _Edges) -> npt.NDArray[np.void]:
-    times = edges.impacts or edges.closings
-    assert times is not None
-    return _as_events(_sorted(times[0])[0], contact, PULSE if edges.impacts else 1)
-
-
-def _as_events(t: Floats, contact: int, kind: int) -> npt.NDArray[np.void]:
+def _as_events(t: Floats, contact: int, kind: int) -> Events:
     events: npt.NDArray[Any] = np.zeros(len(t), EVENT)
     events["t"], events["contact"], events["kind"] = t, contact, kind
     return events
-
-
-def _doubt_alternating(table: Table, columns: Columns) -> None:
-    """A column that alternates between 0 and 1 suggests that impacts are edges of a level."""
-    if not columns.impacts:
-        return
-    for name, column in zip(table.names, zip(*table.rows)):
-        cells = [cell for cell in column if cell]
-        if len(cells) < 4 or not set(cells) <= {"0", "1"}:
-            continue
-        if all(a != b for a, b in zip(cells, cells[1:])):
-            table.doubts.append(
-                f"column '{name}' alternates between 0 and 1: these are the times of both its "
-                "edges, and each is taken as an impact; --level distinguishes closings from "
-                "openings"
-            )
-            return

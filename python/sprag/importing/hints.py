@@ -43,10 +43,6 @@ class Batches:
         )
 
 
-def _median(values: Floats) -> float:
-    return float(np.median(values)) if len(values) else 0.0
-
-
 def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> list[str]:
     """Hints, one line each, to use --debounce and --pulse-shorter-than for contacts.
 
@@ -58,14 +54,14 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
         if not of.sustained:
             continue
         own = events[events["contact"] == of.contact]
-        t, opens = own["t"], own["kind"] == 2
-        closings = t[~opens]
-        intervals = np.diff(closings)
-        follows = np.diff(t)
+        kind, follows = own["kind"], np.diff(own["t"])
+        opens = kind == 2
         lengths = follows[~opens[:-1] & opens[1:]]
         # A pulse is a contact without length: what follows it, follows its opening.
-        pauses = follows[(opens[:-1] | (own["kind"][:-1] == PULSE)) & ~opens[1:]]
-        limit = max(_SHORT_CONTACT, _SHARE_OF_MEDIAN * _median(intervals))
+        pauses = follows[(opens[:-1] | (kind[:-1] == PULSE)) & ~opens[1:]]
+        intervals = np.diff(own["t"][~opens])
+        usual = float(np.median(intervals)) if len(intervals) else 0.0
+        limit = max(_SHORT_CONTACT, _SHARE_OF_MEDIAN * usual)
         brief = int((lengths < limit).sum())
         if not brief:
             continue
@@ -73,7 +69,7 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
         also = f", and {quick} closings follow an opening as closely" if quick else ""
         hints.append(
             f"contact {of.contact}: {brief} of {len(lengths)} sustained contacts last less than "
-            f"{limit:.3g} s (median {_median(lengths):.3g} s){also}. Impacts are as short, and "
+            f"{limit:.3g} s (median {np.median(lengths):.3g} s){also}. Impacts are as short, and "
             "electrical contacts bounce: --pulse-shorter-than T makes impacts of contacts shorter "
             "than T, --debounce T one contact of those that follow within T. A burst of hits of a "
             "stiff structure that lasts longer than a twentieth of the period of the scene's "

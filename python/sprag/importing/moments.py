@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import calendar
+import datetime
 import re
 from collections.abc import Iterable
 from decimal import Context, Decimal
 
 EXACT = Context(prec=60)
+_DAYS_UNTIL_1970 = datetime.date(1970, 1, 1).toordinal()
 NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]{1,4})?")
 INTEGER = re.compile(r"[-+]?[0-9]+")
 WITH_UNIT = re.compile(rf"(?P<number>{NUMBER.pattern})\s*(?P<unit>[a-zA-Zµμ]+)")
@@ -144,15 +145,16 @@ def _date(cell: str, date: re.Match[str], day_first: bool | None) -> tuple[Decim
         numbers = int(date["first"]), int(date["second"])
         day, month = numbers if date["mark"] == "." or day_first else numbers[::-1]
         year = int(date["last"])
-    if not (year >= 1 and 1 <= month <= 12 and 1 <= day <= calendar.monthrange(year, month)[1]):
+    try:
+        days = datetime.date(year, month, day).toordinal() - _DAYS_UNTIL_1970
+    except ValueError:
         return None
     zone = 0
     if date["zone"] and date["zone"] != "Z":
         digits = date["zone"][1:].replace(":", "").ljust(4, "0")
         sign = 1 if date["zone"][0] == "+" else -1
         zone = sign * (3600 * int(digits[:2]) + 60 * int(digits[2:]))
-    midnight = calendar.timegm((year, month, day, 0, 0, 0))
-    return EXACT.add(Decimal(midnight - zone), clock[0]), "date"
+    return EXACT.add(Decimal(86400 * days - zone), clock[0]), "date"
 
 
 def shown_day_first(cells: Iterable[str]) -> bool | None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
+import functools
+import math
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
-from typing import IO, Any
-
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import IO, Any, TypeVar
 
 from .._command import (
     EXIT_DONE,
@@ -32,7 +32,7 @@ from .._command import (
     written,
 )
 from .._errors import Error, SceneError
-from .events import EDGES, LARGEST_CONTACT, Columns, Figures, Imported, Levels, Rules, import_table
+from .events import EDGES, LARGEST_CONTACT, Columns, Imported, Levels, Rules, import_table
 from .formats import located, read_file
 from .hints import find_batches, hints_at_bounces
 from .moments import moment, seconds_of_unit
@@ -55,18 +55,12 @@ _MOST_PROBLEMS_SHOWN = 20
 _HARDLY_A_RUN = 1e7  # [s]; later times are those of a clock, as since 1970
 
 
-class _ColumnOption(argparse.Action):
-    """Collects --impacts, --on, --off and --level in the order of the command line."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: Any,
-        option_string: str | None = None,
-    ) -> None:
-        given = getattr(namespace, self.dest) or []
-        setattr(namespace, self.dest, [*given, ((option_string or "").lstrip("-"), values)])
+def _column(role: str, text: str) -> tuple[str, int | None, str]:
+    """Role, contact if it is given, and name of a column, for the ``type`` of an option."""
+    digits, equals, name = text.partition("=")
+    if not (equals and digits.isdecimal() and digits.isascii()):
+        return role, None, text
+    return role, int(digits) if len(digits) < 10 else LARGEST_CONTACT + 1, name
 
 
 def _unit(text: str) -> str:
@@ -92,64 +86,61 @@ def _separator(text: str) -> str:
     return named
 
 
+# Role of columns, and the text of its option.
+_ROLES = {
+    "impacts": "column of impact times; repeatable",
+    "on": "column of times at which a contact closes; repeatable, each with an --off",
+    "off": "column of times at which it opens",
+    "level": "column of levels, high while the contact is closed; repeatable. Times are in "
+    "--time. NAME@COLUMN=VALUE: of the rows in which COLUMN is VALUE",
+}
+# Option, metavar, type, default, text.
+_VALUES: list[tuple[str, str, Callable[[str], Any], Any, str]] = [
+    ("time", "NAME", str, None, "column of the levels' times"),
+    ("threshold", "X", finite, None, "a level above X is high; without it levels are 0 and 1 or "
+     "words, as on and off"),
+    ("sample-rate", "F", positive, None, "rows without times are so many a second"),
+    ("unit", "U", _unit, None, "unit of the times: s, ms, us, ns or its length in seconds; without "
+     "it as the file says, else s"),
+    ("offset", "T", _offset, "0", "time that is the machine's t = 0, in the unit and on the clock "
+     "of the times"),
+    ("rate", "R", positive, 1.0, "seconds of the clock of the times per second of the machine: "
+     "1.0002 for a clock that is 200 ppm fast"),
+    ("counter-bits", "N", count, None, "times are a counter of N bits that wraps"),
+    ("debounce", "T", positive, 0.0, "merge closings of a contact that follow within T [s]"),
+    ("pulse-shorter-than", "T", positive, 0.0, "take contacts shorter than T [s] as pulses, at "
+     "their closing"),
+    ("duration", "T", positive, math.inf, "leave out events after this time [s]; a log ends there"),
+    ("columns", "NAME,...", names, None, "names of the columns of lines without a header line"),
+    ("separator", "NAME", _separator, None, "comma, semicolon, tab or blank, if the lines do not "
+     "show it"),
+    ("skip-lines", "N", count, 0, "lines before the table"),
+    ("record", "NAME", str, None, "write this column as a record for excitation.file or [[force]] "
+     "file, not events; without SCENE"),
+    ("output", "F.csv|F.lcmlog", Written, None, "write an events CSV or an LCM log here, not to "
+     "stdout"),
+]  # fmt: skip
+
+
 def _parser() -> Parser:
     parser = Parser("import_events", DESCRIPTION)
-    parser.add_argument("file", metavar="FILE", type=Read, help="file with columns of times")
-    parser.add_argument(
-        "scene",
-        metavar="SCENE",
-        type=SceneFile,
-        nargs="?",
-        help="scene: a file (TOML), or the name of one that `sprag scenes` lists",
-    )
     add = parser.add_argument
-    for name, text in [
-        ("--impacts", "column of impact times; repeatable"),
-        ("--on", "column of times at which a contact closes; repeatable, each with an --off"),
-        ("--off", "column of times at which it opens"),
-        ("--level", "column of levels, high while the contact is closed; repeatable. Times are in "
-         "--time. NAME@COLUMN=VALUE: of the rows in which COLUMN is VALUE"),
-    ]:  # fmt: skip
-        add(name, metavar="[CONTACT=]NAME", dest="chosen", action=_ColumnOption, help=text)
-    add("--time", metavar="NAME", help="column of the levels' times")
-    add(
-        "--threshold",
-        metavar="X",
-        type=finite,
-        help="a level above X is high; without it levels are 0 and 1 or words, as on and off",
-    )
+    add("file", metavar="FILE", type=Read, help="file with columns of times")
+    text = "scene: a file (TOML), or the name of one that `sprag scenes` lists"
+    add("scene", metavar="SCENE", type=SceneFile, nargs="?", help=text)
+    for role, text in _ROLES.items():
+        add(f"--{role}", metavar="[CONTACT=]NAME", type=functools.partial(_column, role),
+            dest="chosen", action="append", help=text)  # fmt: skip
+    for name, metavar, of_type, default, text in _VALUES:
+        add(f"--{name}", metavar=metavar, type=of_type, default=default, help=text)
     add("--inverted", action="store_true", help="low while the contact is closed")
-    add("--impacts-at", choices=EDGES, help="edges of the levels that are impacts; after "
-        "--inverted, rising is where the level falls")  # fmt: skip
-    add("--sample-rate", metavar="F", type=positive, help="rows without times are so many a second")
-    add("--unit", metavar="U", type=_unit, help="unit of the times: s, ms, us, ns or its length in "
-        "seconds; without it as the file says, else s")  # fmt: skip
-    add("--offset", metavar="T", type=_offset, default="0", help="time that is the machine's t = "
-        "0, in the unit and on the clock of the times")  # fmt: skip
-    add("--rate", metavar="R", type=positive, default=1.0, help="seconds of the clock of the times "
-        "per second of the machine: 1.0002 for a clock that is 200 ppm fast")  # fmt: skip
-    add("--counter-bits", metavar="N", type=count, help="times are a counter of N bits that wraps")
-    order = parser.add_mutually_exclusive_group()
-    order.add_argument("--day-first", action="store_true", default=None,
-                       help="dates as 5/3/2024 have the day first")  # fmt: skip
-    order.add_argument("--month-first", dest="day_first", action="store_false", default=None,
-                       help="they have the month first")  # fmt: skip
+    text = "edges of the levels that are impacts; after --inverted, rising is where the level falls"
+    add("--impacts-at", choices=list(EDGES), help=text)
     add("--any-order", action="store_true", help="sort the times of a column that go back")
-    add("--debounce", metavar="T", type=positive, default=0.0,
-        help="merge closings of a contact that follow within T [s]")  # fmt: skip
-    add("--pulse-shorter-than", metavar="T", type=positive, default=0.0,
-        help="take contacts shorter than T [s] as pulses, at their closing")  # fmt: skip
-    add("--duration", metavar="T", type=positive, default=np.inf,
-        help="leave out events after this time [s]; a log ends there")  # fmt: skip
-    add("--columns", metavar="NAME,...", type=names,
-        help="names of the columns of lines without a header line")  # fmt: skip
-    add("--separator", metavar="NAME", type=_separator,
-        help="comma, semicolon, tab or blank, if the lines do not show it")  # fmt: skip
-    add("--skip-lines", metavar="N", type=count, default=0, help="lines before the table")
-    add("--record", metavar="NAME", help="write this column as a record for excitation.file or "
-        "[[force]] file, not events; without SCENE")  # fmt: skip
-    add("--output", metavar="F.csv|F.lcmlog", type=Written,
-        help="write an events CSV or an LCM log here, not to stdout")  # fmt: skip
+    order = parser.add_mutually_exclusive_group()
+    for name, value in ("day", True), ("month", False):
+        order.add_argument(f"--{name}-first", dest="day_first", action="store_const", const=value,
+                           help=f"dates as 5/3/2024 have the {name} first")  # fmt: skip
     return parser
 
 
@@ -170,30 +161,34 @@ def _events(options: argparse.Namespace, report: dict[str, Any]) -> int:
         raise UsageError("SCENE is required, or --record NAME")
     if options.output and not options.output.endswith((".csv", ".lcmlog")):
         raise UsageError(f"--output is {options.output}; must end in .csv or .lcmlog")
-    columns = columns_by_contact(options.chosen or [])
-    levels = Levels(
-        options.time,
-        options.threshold,
-        options.inverted,
-        options.impacts_at,
-        options.sample_rate,
-    )
+    columns = _by_contact(options.chosen or [])
+    levels, rules = _given(Levels, options), _given(Rules, options)
     contacts = _check_machine(options)
     columns.check(contacts)
-    table = _table(options)
-    rules = Rules(options.debounce, options.pulse_shorter_than, options.duration)
-    with _said(options.file, table), located(options.file):
-        imported = import_table(table, contacts, columns, _clock(options), levels, rules)
-    _print_problems(options.file, imported)
-    _print_summary(imported)
-    _fill(imported, report)
+    with _table(options) as table:
+        imported = import_table(table, contacts, columns, _given(Clock, options), levels, rules)
+    _print_problems(options.file, table)
+    _fill(imported, table, report)
+    _print_summary(imported, report)
     _print_hints(imported, report)
-    if not len(imported.events):
+    t = imported.events["t"]
+    if not len(t):
         raise Error(f"{options.file}: no event is left")
-    late = imported.of_clock or imported.events["t"][0] > _HARDLY_A_RUN
-    if _is_zero(options.offset) and late:
+    if _is_zero(options.offset) and (imported.of_clock or t[0] > _HARDLY_A_RUN):
         _say("the first event comes late; --offset gives the time of the file at t = 0")
-    _write(options, imported.events, contacts, report)
+    if options.output and options.output.endswith(".lcmlog"):
+        compiled = require_compiled("writing an LCM log")
+        end = 0.0 if math.isinf(options.duration) else options.duration
+        with written(options.output) as temporary:
+            report["messages"] = compiled._write_contact_log(
+                temporary, imported.events, contacts, end, options.key
+            )
+        return EXIT_DONE
+    with _csv(options.output) as stream:
+        stream.write("t,contact,closed\n")
+        for at, contact, kind in imported.events.tolist():
+            for closed in {1: "1", 2: "0"}.get(kind, "10"):
+                stream.write(f"{at:.17g},{contact},{closed}\n")
     return EXIT_DONE
 
 
@@ -204,78 +199,55 @@ def _record(options: argparse.Namespace) -> int:
         raise UsageError("--record makes no events; leave out --impacts, --on, --off and --level")
     if options.output and not options.output.endswith(".csv"):
         raise UsageError(f"--output is {options.output}; a record must end in .csv")
-    table = _table(options)
-    with _said(options.file, table), located(options.file):
+    with _table(options) as table:
         t, values = read_signal(
-            table, options.record, options.time, options.sample_rate, _clock(options)
+            table, options.record, options.time, options.sample_rate, _given(Clock, options)
         )
     with _csv(options.output) as stream:
         write_record(stream, options.record, t, values)
     return EXIT_DONE
 
 
-def _table(options: argparse.Namespace) -> Table:
-    return read_file(options.file, options.columns, options.separator, options.skip_lines)
+@contextlib.contextmanager
+def _table(options: argparse.Namespace) -> Iterator[Table]:
+    """The table. Prints what was guessed, also if it is refused in the end: it may be the cause."""
+    table = read_file(options.file, options.columns, options.separator, options.skip_lines)
+    try:
+        with located(options.file):
+            yield table
+    finally:
+        for text in [*table.remarks, *table.doubts]:
+            _say(f"{options.file}: {text}")
 
 
-def _clock(options: argparse.Namespace) -> Clock:
-    return Clock(
-        options.unit,
-        options.offset,
-        options.rate,
-        options.counter_bits,
-        options.day_first,
-        options.any_order,
-    )
+_Given = TypeVar("_Given", Clock, Levels, Rules)
 
 
-def columns_by_contact(options: Sequence[tuple[str, str]]) -> Columns:
-    """The columns of options (role, text), where text is NAME or CONTACT=NAME.
+def _given(kind: type[_Given], options: argparse.Namespace) -> _Given:
+    """The options of these names."""
+    return kind(**{f.name: getattr(options, f.name) for f in dataclasses.fields(kind)})
 
-    Without numbers contacts are counted in the order of the options, each --off with its --on.
-    """
-    parts = [(role, *_split_contact(text)) for role, text in options]
-    numbered = [part for part in parts if part[1] is not None]
-    if numbered and len(numbered) < len(parts):
+
+def _by_contact(columns: Sequence[tuple[str, int | None, str]]) -> Columns:
+    """The columns; without numbers contacts are counted in order, each --off with its --on."""
+    given = [contact is not None for _, contact, _ in columns]
+    if any(given) and not all(given):
         raise UsageError(
             "some columns are given as CONTACT=NAME and some as NAME; must all be alike"
         )
-    if not numbered:
-        parts = list(_in_order(parts))
-    by_role: dict[str, dict[int, str]] = {"impacts": {}, "on": {}, "off": {}, "level": {}}
-    for role, contact, name in parts:
-        assert contact is not None
+    openers = [role for role, _, _ in columns if role != "off"]
+    in_order = iter(range(1, len(openers) + 1))
+    pairs = iter([i for i, role in enumerate(openers, 1) if role == "on"])
+    by_role: dict[str, dict[int, str]] = {role: {} for role in _ROLES}
+    for role, contact, name in columns:
+        if contact is None:
+            contact = next(pairs if role == "off" else in_order, None)
+        if contact is None:
+            raise UsageError(f"--off {name} has no --on")
         if contact in by_role[role]:
             raise UsageError(f"--{role} {name} is a second --{role} for contact {contact}")
         by_role[role][contact] = name
     return Columns(**by_role)
-
-
-def _split_contact(text: str) -> tuple[int | None, str]:
-    digits, equals, name = text.partition("=")
-    if not (equals and digits.isdecimal() and digits.isascii()):
-        return None, text
-    return (int(digits) if len(digits) < 10 else LARGEST_CONTACT + 1), name
-
-
-def _in_order(
-    parts: Sequence[tuple[str, int | None, str]]
-) -> Iterator[tuple[str, int | None, str]]:
-    closers = iter([
-        contact
-        for contact, (role, _, _) in enumerate((p for p in parts if p[0] != "off"), 1)
-        if role == "on"
-    ])  # fmt: skip
-    contact = 0
-    for role, _, name in parts:
-        if role == "off":
-            pair = next(closers, None)
-            if pair is None:
-                raise UsageError(f"--off {name} has no --on")
-            yield role, pair, name
-        else:
-            contact += 1
-            yield role, contact, name
 
 
 def _check_machine(options: argparse.Namespace) -> int:
@@ -288,10 +260,9 @@ def _check_machine(options: argparse.Namespace) -> int:
         raise SceneError(f"{file}: cannot be read: {error.strerror}") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SceneError(f"{file}: is no TOML: {error}") from None
-    contacts = scene.get("contact")
+    contacts, clock = scene.get("contact"), scene.get("clock")
     if not isinstance(contacts, list) or not 1 <= len(contacts) <= LARGEST_CONTACT:
         raise SceneError(f"{file}: must have 1 to {LARGEST_CONTACT} [[contact]] tables")
-    clock = scene.get("clock", {})
     clock = clock if isinstance(clock, dict) else {}
     if options.rate != 1.0 and clock.get("rate", 1) != 1:
         raise UsageError(
@@ -315,65 +286,41 @@ def _say(text: str) -> None:
     print(printable(text), file=sys.stderr)
 
 
-@contextlib.contextmanager
-def _said(file: str, table: Table) -> Iterator[None]:
-    """Prints what was guessed, also if the file is refused in the end: it may be the cause."""
-    try:
-        yield
-    finally:
-        for text in [*table.remarks, *table.doubts]:
-            _say(f"{file}: {text}")
-
-
-def _print_problems(file: str, imported: Imported) -> None:
-    problems = imported.problems
-    for problem in problems[:_MOST_PROBLEMS_SHOWN]:
+def _print_problems(file: str, table: Table) -> None:
+    for problem in table.problems[:_MOST_PROBLEMS_SHOWN]:
         _say(f"{file}:{problem}; left out")
-    if len(problems) > _MOST_PROBLEMS_SHOWN:
-        _say(f"{file}: {len(problems) - _MOST_PROBLEMS_SHOWN} more bad rows left out")
+    if (more := len(table.problems) - _MOST_PROBLEMS_SHOWN) > 0:
+        _say(f"{file}: {more} more bad rows left out")
 
 
-def _print_summary(imported: Imported) -> None:
-    for of in imported.figures:
-        if of.pulses + of.sustained == 0:
-            _say(f"contact {of.contact} has no events")
-            continue
-        _say(
-            f"contact {of.contact}: {of.pulses} pulses, {of.sustained} sustained, {of.merged} "
-            "bounces merged"
-        )
-    t = imported.events["t"]
-    span = f" from t = {t[0]:g} to {t[-1]:g}" if len(t) else ""
-    _say(
-        f"{len(t)} events{span}; left out: {len(imported.problems)} bad rows, "
-        f"{_sum(imported.figures, 'before_start')} events before t = 0, "
-        f"{_sum(imported.figures, 'after_duration')} after the duration"
-    )
-
-
-def _sum(figures: Sequence[Figures], name: str) -> int:
-    return sum(getattr(of, name) for of in figures)
-
-
-def _fill(imported: Imported, report: dict[str, Any]) -> None:
+def _fill(imported: Imported, table: Table, report: dict[str, Any]) -> None:
     t = imported.events["t"]
     report["events"] = len(t)
     if len(t):
-        report["first_t"] = float(t[0])
-        report["last_t"] = float(t[-1])
-    report["contacts"] = [
-        {
-            "contact": of.contact,
-            "pulses": of.pulses,
-            "sustained": of.sustained,
-            "merged": of.merged,
-        }
-        for of in imported.figures
-    ]
-    report["bad_rows"] = len(imported.problems)
-    report["before_start"] = _sum(imported.figures, "before_start")
-    report["after_duration"] = _sum(imported.figures, "after_duration")
-    report["remarks"] = [*imported.remarks, *imported.doubts]
+        report["first_t"], report["last_t"] = float(t[0]), float(t[-1])
+    counts = [dataclasses.asdict(of) for of in imported.figures]
+    names_of_counts = ("contact", "pulses", "sustained", "merged")
+    report["contacts"] = [{name: of[name] for name in names_of_counts} for of in counts]
+    report["bad_rows"] = len(table.problems)
+    for name in ("before_start", "after_duration"):
+        report[name] = sum(of[name] for of in counts)
+    report["remarks"] = [*table.remarks, *table.doubts]
+
+
+def _print_summary(imported: Imported, report: Mapping[str, Any]) -> None:
+    for of in imported.figures:
+        _say(
+            f"contact {of.contact}: {of.pulses} pulses, {of.sustained} sustained, {of.merged} "
+            "bounces merged"
+            if of.pulses + of.sustained
+            else f"contact {of.contact} has no events"
+        )
+    span = " from t = {first_t:g} to {last_t:g}".format(**report) if report["events"] else ""
+    _say(
+        f"{report['events']} events{span}; left out: {report['bad_rows']} bad rows, "
+        f"{report['before_start']} events before t = 0, {report['after_duration']} after the "
+        "duration"
+    )
 
 
 def _print_hints(imported: Imported, report: dict[str, Any]) -> None:
@@ -393,31 +340,7 @@ def _csv(output: str | None) -> Iterator[IO[str]]:
             yield stream
         return
     try:
-        with written(output) as temporary:
-            with open(temporary, "w", encoding="utf-8") as stream:
-                yield stream
+        with written(output) as temporary, open(temporary, "w", encoding="utf-8") as stream:
+            yield stream
     except OSError as error:
         raise Error(f"{output}: cannot be written: {error.strerror}") from None
-
-
-def _write(
-    options: argparse.Namespace,
-    events: npt.NDArray[np.void],
-    contacts: int,
-    report: dict[str, Any],
-) -> None:
-    if options.output and options.output.endswith(".lcmlog"):
-        compiled = require_compiled("writing an LCM log")
-        end = 0.0 if np.isinf(options.duration) else options.duration
-        with written(options.output) as temporary:
-            report["messages"] = compiled._write_contact_log(
-                temporary, events, contacts, end, options.key
-            )
-        return
-    with _csv(options.output) as stream:
-        stream.write("t,contact,closed\n")
-        for t, contact, kind in events.tolist():
-            if kind != 2:
-                stream.write(f"{t:.17g},{contact},1\n")
-            if kind != 1:
-                stream.write(f"{t:.17g},{contact},0\n")

@@ -7,9 +7,8 @@ from typing import IO
 import numpy as np
 
 from .._errors import InputError
-from .moments import NUMBER, number
 from .tables import Table
-from .times import Clock, Floats, TimeReader, time_column
+from .times import Clock, Floats, numbers, sample_times, time_column
 
 
 def read_signal(
@@ -17,24 +16,18 @@ def read_signal(
 ) -> tuple[Floats, Floats]:
     """Times [s] and values, in the column's unit, of all rows. Raises InputError for a gap."""
     cells = table.column(name)
-    if sample_rate:
-        t = np.arange(len(cells)) / (sample_rate * clock.rate)
-    else:
-        time = time_column(table, time)
-        if time == name:
-            raise InputError(f"the column '{name}' is the time; the signal must be another")
-        t = TimeReader(table, [time], clock).seconds_of_levels(time, np.ones(len(cells), bool))
-    values = np.full(len(cells), np.nan)
-    for i, cell in enumerate(cells):
-        value = number(cell) if NUMBER.fullmatch(cell) else None
-        if value is None or not np.isfinite(t[i]):
-            raise InputError(
-                f"{table.lines[i]}: a sample has no {'value' if value is None else 'time'}"
-                f"{f' ({cell!r})' if cell else ''}; a gap in a record cannot be interpolated"
-            )
-        values[i] = float(value)
+    time = None if sample_rate else time_column(table, time)
+    if time == name:
+        raise InputError(f"the column '{name}' is the time; the signal must be another")
+    t, _ = sample_times(table, time, sample_rate, clock, np.ones(len(cells), bool))
+    values = numbers(cells)
+    gap = "a gap in a record cannot be interpolated"
+    for what, of in ("value", values), ("time", t):
+        if len(at := np.flatnonzero(np.isnan(of))):
+            cell = f" ({cells[at[0]]!r})" if cells[at[0]] else ""
+            raise InputError(f"{table.lines[at[0]]}: a sample has no {what}{cell}; {gap}")
     if table.problems:
-        raise InputError(f"{table.problems[0]}; a gap in a record cannot be interpolated")
+        raise InputError(f"{table.problems[0]}; {gap}")
     return t, values
 
 

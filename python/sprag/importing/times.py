@@ -17,6 +17,7 @@ from .moments import (
     NUMBER,
     TIME_FORMS,
     moment,
+    number,
     seconds_of_unit,
     shown_day_first,
 )
@@ -27,6 +28,7 @@ Floats = npt.NDArray[np.float64]
 # Numbers of bits of counters that are recognized when they wrap.
 _COUNTERS = (16, 24, 30, 31, 32)
 _ASK_UNIT = "say which it is: --unit s, ms, us, ns or a number of seconds"
+_DAY = Decimal(86400)
 
 
 class ArgumentError(ValueError):
@@ -53,14 +55,14 @@ class Clock:
             raise ArgumentError("counter_bits must be from 1 to 64")
         if not (self.rate > 0.0 and np.isfinite(self.rate)):
             raise ArgumentError("rate must be > 0")
-        try:
-            self.origin()
-        except ValueError as error:
-            raise ArgumentError(f"offset {error}; day_first or month first decides") from None
+        self.origin()
 
     def origin(self) -> tuple[Decimal, str]:
         """Value and kind of the offset (moment())."""
-        origin = moment(self.offset, self.day_first)
+        try:
+            origin = moment(self.offset, self.day_first)
+        except ValueError as error:
+            raise ArgumentError(f"offset {error}; day_first or month first decides") from None
         if origin is None:
             raise ArgumentError(
                 f"offset {self.offset} is not allowed; must be a finite number or a time"
@@ -75,87 +77,77 @@ class TimeReader:
         """`names`: of the columns of times. Raises InputError if their unit is not known."""
         self._table = table
         self._clock = clock
-        self._unit = self._unit_of(names)
+        self._unit = self._given_unit(names) or self._stated_unit(names)
         self.of_clock = False  # some times are dates or times of day
 
-    def _unit_of(self, names: Sequence[str]) -> Decimal:
-        """Seconds of the file's unit."""
-        stated = {name: self._table.unit(name) for name in names}
-        given = self._clock.unit and seconds_of_unit(self._clock.unit)
-        if given:
-            for name, unit in stated.items():
-                if unit and (seconds := seconds_of_unit(unit)) and seconds != given:
-                    self._table.doubts.append(
-                        f"column '{name}' says {unit}; --unit says something else, and counts"
-                    )
-            return given
+    def _given_unit(self, names: Sequence[str]) -> Decimal | None:
+        given = _seconds(self._clock.unit)
+        for name in names if given else ():
+            stated = self._table.unit(name)
+            if _seconds(stated) not in (None, given):
+                self._table.doubts.append(
+                    f"column '{name}' says {stated}; --unit says something else, and counts"
+                )
+        return given
+
+    def _stated_unit(self, names: Sequence[str]) -> Decimal:
+        units = {name: self._table.unit(name) for name in names}
         first = names[0]
-        unit = stated[first]
-        for name, other in stated.items():
-            if other and seconds_of_unit(other) is None:
-                raise InputError(f"column '{name}' is in {other}; {_ASK_UNIT}")
-            if _length(other) != _length(unit):
+        for name, unit in units.items():
+            if unit and not _seconds(unit):
+                raise InputError(f"column '{name}' is in {unit}; {_ASK_UNIT}")
+            if _seconds(unit) != _seconds(units[first]):
                 raise InputError(
                     f"columns '{first}' and '{name}' do not say the same unit; {_ASK_UNIT}"
                 )
-        if unit:
-            self._table.remarks.append(f"times in {unit}, as column '{first}' says")
-            return _length(unit) or Decimal(1)
-        self._guess_seconds(names)
-        return Decimal(1)
-
-    def _guess_seconds(self, names: Sequence[str]) -> None:
-        numbers = [
-            cell for name in names for cell in self._table.column(name) if NUMBER.fullmatch(cell)
-        ]
-        if not numbers:
-            return
-        if all(INTEGER.fullmatch(cell) for cell in numbers):
+        if stated := _seconds(units[first]):
+            self._table.remarks.append(f"times in {units[first]}, as column '{first}' says")
+            return stated
+        cells = [cell for name in names for cell in self._table.column(name)]
+        numbers = [cell for cell in cells if NUMBER.fullmatch(cell)]
+        if numbers and all(map(INTEGER.fullmatch, numbers)):
             largest = max(numbers, key=lambda cell: abs(Decimal(cell)))
             if abs(Decimal(largest)) > 1000:
                 raise InputError(
                     f"times are integers up to {largest} and no unit is stated; {_ASK_UNIT}"
                 )
-        self._table.remarks.append("no unit is stated: times are taken as seconds")
+        if numbers:
+            self._table.remarks.append("no unit is stated: times are taken as seconds")
+        return Decimal(1)
 
-    def seconds(self, name: str) -> Floats:
-        """Times of all cells of a column [s], NaN where there is none."""
-        return self._exact(name, self._table.column(name), self._table.lines, True)
+    def seconds(self, name: str, needed: npt.NDArray[np.bool_] | None = None) -> Floats:
+        """Times of all cells of a column [s], NaN where there is none.
 
-    def seconds_of_levels(self, name: str, needed: npt.NDArray[np.bool_]) -> Floats:
-        """The same of a column whose times must not go back.
-
-        Exact only where `needed`, since a capture has many more rows than edges.
+        `needed`: the rows are those of levels, whose order counts, and times are exact where this
+        holds: a capture has many more rows than edges.
         """
-        cells = self._table.column(name)
-        if self._clock.counter_bits is None:
-            t = _as_floats(cells)
-            if t is not None and (np.diff(t) >= 0.0).all():
-                at = np.flatnonzero(needed)
-                lines = [self._table.lines[i] for i in at]
-                exact = self._exact(name, [cells[i] for i in at], lines, False)
-                t[:] = np.nan
-                t[at] = exact
-                return t
-        return self._exact(name, cells, self._table.lines, False)
+        cells, lines = self._table.column(name), self._table.lines
+        if needed is None or self._clock.counter_bits or not _ascend(cells):
+            return self._exact(name, cells, lines, single=needed is None)
+        t = np.full(len(cells), np.nan)
+        at = np.flatnonzero(needed)
+        t[at] = self._exact(name, [cells[i] for i in at], [lines[i] for i in at], single=False)
+        return t
 
     def _exact(self, name: str, cells: Sequence[str], lines: Sequence[int], single: bool) -> Floats:
         moments = self._moments(name, cells, lines)
-        kinds = {kind for of in moments if of for kind in (of[1],)}
-        start, values = self._on_one_clock(name, moments, kinds)
-        if kinds and kinds <= {"number"} and self._clock.counter_bits:
-            values = _unwrapped(values, self._clock.counter_bits, start)
+        kinds = {of[1] for of in moments if of}
+        values = [of[0] if of else None for of in moments]
+        start = self._start(name, kinds)
+        if "clock" in kinds:
+            values = _continued(values, _DAY, start if self._clock.origin()[1] == "clock" else None)
+        if kinds == {"number"} and (bits := self._clock.counter_bits):
+            for value in values:
+                if value is not None and not 0 <= value < 2**bits:
+                    raise InputError(f"{value} is no count of a counter of {bits} bits")
+            values = _continued(values, Decimal(2**bits), start)
         self._check_order(name, cells, lines, values, kinds, single)
         unit = self._unit if kinds <= {"number"} else Decimal(1)
-        return np.array(
-            [
-                np.nan
-                if value is None
-                else float(EXACT.multiply(EXACT.subtract(value, start), unit)) / self._clock.rate
-                for value in values
-            ],
-            float,
-        )
+        seconds = [
+            np.nan if value is None else float(EXACT.multiply(EXACT.subtract(value, start), unit))
+            for value in values
+        ]
+        return np.array(seconds, float) / self._clock.rate
 
     def _moments(
         self, name: str, cells: Sequence[str], lines: Sequence[int]
@@ -163,59 +155,49 @@ class TimeReader:
         day_first = self._clock.day_first
         if day_first is None:
             day_first = shown_day_first(cells)
-        moments = []
-        bad = []
+        moments, bad = [], []
         for cell, line in zip(cells, lines):
             try:
-                read = moment(cell, day_first) if cell else None
+                moments.append(moment(cell, day_first) if cell else None)
             except ValueError as error:
                 raise InputError(f"{line}: {error} --day-first or --month-first says it") from None
-            if cell and read is None:
-                bad.append((cell, line))
-            moments.append(read)
+            if cell and moments[-1] is None:
+                bad.append(Problem(line, name, f"{cell} is neither a finite number nor a time"))
         if bad and not any(moments):
+            cell = bad[0].what.split(" is neither")[0]
             raise InputError(
-                f"{bad[0][1]}: column {name} has no times: '{bad[0][0]}' is none. "
+                f"{bad[0].line}: column {name} has no times: '{cell}' is none. "
                 f"Times are {TIME_FORMS}"
             )
-        self._table.problems += [
-            Problem(line, name, f"{cell} is neither a finite number nor a time")
-            for cell, line in bad
-        ]
+        self._table.problems += bad
         return moments
 
-    def _on_one_clock(
-        self, name: str, moments: list[tuple[Decimal, str] | None], kinds: set[str]
-    ) -> tuple[Decimal, list[Decimal | None]]:
-        """The offset, and all times relative to the same zero."""
-        origin, of_origin = self._clock.origin()
+    def _start(self, name: str, kinds: set[str]) -> Decimal:
+        """The offset on the clock of the column. Raises InputError if it is on another one."""
+        start, of_start = self._clock.origin()
         if len(kinds) > 1 and kinds != {"minutes", "clock"}:
             raise InputError(
                 f"column {name} has times of different kinds: {', '.join(sorted(kinds))}"
             )
-        values = [of[0] if of else None for of in moments]
         self.of_clock = self.of_clock or bool(kinds & {"clock", "date"})
-        if "date" in kinds and of_origin != "date":
+        problem = ""
+        if "date" in kinds and of_start != "date":
+            problem = "dates; give --offset with the date and time at t = 0"
+        elif "clock" in kinds and of_start == "minutes":
             raise InputError(
-                f"column {name} has dates; give --offset with the date and time at t = 0"
+                f"--offset {self._clock.offset} has no seconds, and the times have hours; "
+                "give it as 12:34:00"
             )
-        if kinds & {"clock", "minutes"}:
-            if of_origin == "minutes" and "clock" in kinds:
-                raise InputError(
-                    f"--offset {self._clock.offset} has no seconds, and the times have hours; "
-                    "give it as 12:34:00"
-                )
-            if of_origin == "date" or (of_origin == "clock" and "clock" not in kinds):
-                raise InputError(f"column {name} has no times like --offset {self._clock.offset}")
-        if kinds <= {"number"} and of_origin in ("date", "clock", "minutes") and kinds:
-            raise InputError(
-                f"column {name} has numbers; --offset must be one, too, not {self._clock.offset}"
-            )
-        if "clock" in kinds:
-            values = _past_midnight(values, origin if of_origin == "clock" else None)
-        if kinds == {"unit"} and of_origin == "number":
-            origin = EXACT.multiply(origin, self._unit)
-        return origin, values
+        elif kinds & {"clock", "minutes"} and (
+            of_start == "date" or (of_start == "clock" and "clock" not in kinds)
+        ):
+            problem = f"no times like --offset {self._clock.offset}"
+        elif kinds == {"number"} and of_start in ("date", "clock", "minutes"):
+            problem = f"numbers; --offset must be one, too, not {self._clock.offset}"
+        if problem:
+            raise InputError(f"column {name} has {problem}")
+        in_unit = kinds == {"unit"} and of_start == "number"
+        return EXACT.multiply(start, self._unit) if in_unit else start
 
     def _check_order(
         self,
@@ -227,14 +209,11 @@ class TimeReader:
         single: bool,
     ) -> None:
         """Refuses times that go back: sorting would hide wraps, restarts and misprints."""
-        last, at = None, 0
-        for i, value in enumerate(values):
-            if value is None:
+        known = [(value, i) for i, value in enumerate(values) if value is not None]
+        for (last, before), (value, i) in zip(known, known[1:]):
+            if value >= last:
                 continue
-            if last is None or value >= last:
-                last, at = value, i
-                continue
-            what = f"column {name}: time goes back from {cells[at]} to {cells[i]}"
+            what = f"column {name}: time goes back from {cells[before]} to {cells[i]}"
             if kinds == {"number"} and (bits := _wrapped_at(last, value)):
                 raise InputError(
                     f"{lines[i]}: {what}, as of a counter of {bits} bits that wraps; "
@@ -249,59 +228,48 @@ class TimeReader:
             if single and self._clock.any_order:
                 self._table.doubts.append(f"{what} in line {lines[i]}; sorted")
                 return
-            remedy = "import each run alone after a restart"
-            if single:
-                remedy += "; --any-order sorts the times of a column"
-            raise InputError(f"{lines[i]}: {what}; {remedy}")
+            remedy = "; --any-order sorts the times of a column" if single else ""
+            raise InputError(f"{lines[i]}: {what}; import each run alone after a restart{remedy}")
 
 
-def _length(unit: str | None) -> Decimal | None:
+def numbers(cells: Sequence[str]) -> Floats:
+    """The numbers in cells, NaN where there is none."""
+    read = [number(cell) if NUMBER.fullmatch(cell) else None for cell in cells]
+    return np.array([np.nan if value is None else float(value) for value in read], float)
+
+
+def _seconds(unit: str | None) -> Decimal | None:
     return seconds_of_unit(unit) if unit else None
 
 
-def _as_floats(cells: Sequence[str]) -> Floats | None:
-    if any("_" in cell for cell in cells[:1]):
-        return None
+def _ascend(cells: Sequence[str]) -> bool:
+    """Whether all cells are finite numbers in ascending order, as numpy reads them."""
     try:
-        t = np.array(cells, float)
+        t = np.array(cells, float) if "_" not in "".join(cells[:1]) else np.array([np.nan])
     except ValueError:
-        return None
-    return t if np.isfinite(t).all() else None
+        return False
+    return bool(np.isfinite(t).all() and (np.diff(t) >= 0.0).all())
 
 
-def _past_midnight(values: list[Decimal | None], start: Decimal | None) -> list[Decimal | None]:
-    """Adds a day where a time of day is more than half a day before the one before it."""
-    day, last = Decimal(0), start
-    result: list[Decimal | None] = []
+def _continued(
+    values: list[Decimal | None], period: Decimal, start: Decimal | None
+) -> list[Decimal | None]:
+    """Adds a period where a value is more than half of one below the value before it."""
+    laps, last = Decimal(0), start
+    result = []
     for value in values:
         if value is not None:
-            if last is not None and value + day < last - 43200:
-                day += 86400
-            last = value + day
-        result.append(None if value is None else value + day)
-    return result
-
-
-def _unwrapped(values: list[Decimal | None], bits: int, start: Decimal) -> list[Decimal | None]:
-    """Continues a counter past its wraps: steps back by more than half of its range."""
-    size = Decimal(2) ** bits
-    lap, last = Decimal(0), start
-    result: list[Decimal | None] = []
-    for value in values:
-        if value is not None:
-            if not 0 <= value < size:
-                raise InputError(f"{value} is no count of a counter of {bits} bits")
-            if value + lap < last - size / 2:
-                lap += size
-            last = value + lap
-        result.append(None if value is None else value + lap)
+            if last is not None and value + laps < last - period / 2:
+                laps += period
+            last = value = value + laps
+        result.append(value)
     return result
 
 
 def _wrapped_at(last: Decimal, value: Decimal) -> int | None:
     for bits in _COUNTERS:
         size = Decimal(2) ** bits
-        if last > size * Decimal("0.95") and last < size and value < size / 2:
+        if size * Decimal("0.95") < last < size and value < size / 2:
             return bits
     return None
 
@@ -311,20 +279,37 @@ def time_column(table: Table, given: str | None) -> str:
     if given:
         table.column(given)
         return given
-    named = [name for name in table.names if re.match(r"(time|zeit|temps|tiempo)", name, re.I)]
-    if not named:
-        named = [name for name in table.names if re.fullmatch(r"t|x_value|x-axis|in s", name, re.I)]
-    if not named:
-        named = [name for name in table.names if table.unit(name)]
+    named = (
+        [name for name in table.names if re.match(r"(time|zeit|temps|tiempo)", name, re.I)]
+        or [name for name in table.names if re.fullmatch(r"t|x_value|x-axis|in s", name, re.I)]
+        or [name for name in table.names if table.unit(name)]
+    )
     if len(named) == 1:
         if not named[0].casefold().startswith("time"):
             table.remarks.append(f"times are in column '{named[0]}'")
         return named[0]
-    listed = ", ".join(f"'{name}'" for name in table.names)
     rate = ""
     if table.sample_rate and not named:
         rate = f" or --sample-rate {table.sample_rate:g}, as the file says"
     raise InputError(
         ("several columns may have the times" if named else "no column seems to have the times")
-        + f"; say which has the times: --time NAME{rate}. The columns are {listed}"
+        + f"; say which has the times: --time NAME{rate}. The columns are {table.listed()}"
     )
+
+
+def sample_times(
+    table: Table,
+    time: str | None,
+    sample_rate: float | None,
+    clock: Clock,
+    needed: npt.NDArray[np.bool_],
+) -> tuple[Floats, bool]:
+    """Times of all rows [s] as TimeReader.seconds(), and whether they are those of a clock.
+
+    `time`: their column, as time_column() finds it; not used with `sample_rate`.
+    """
+    if sample_rate:
+        return np.arange(len(table.rows)) / (sample_rate * clock.rate), False
+    assert time is not None
+    reader = TimeReader(table, [time], clock)
+    return reader.seconds(time, needed), reader.of_clock
