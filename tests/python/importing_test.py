@@ -489,6 +489,11 @@ class BinaryTest(FileTest):
             "xlsx", self.made(".xlsx", write), TIMES, 1e-15, impacts={1: "Impact [s]"},
             suffix=".xlsx", said="only the first of 2 sheets",
         )  # fmt: skip
+        self.check(
+            "--columns of .xlsx", self.made(".xlsx", write), TIMES[1:], 1e-15, skip_lines=2,
+            columns=["t [s]", "note"], impacts={1: "t [s]"},
+            said="times in s, as column 't [s]' says",
+        )  # fmt: skip
 
     @unittest.skipIf("scipy" in MISSING, "no scipy")
     def test_matlab_and_sound(self):
@@ -519,6 +524,11 @@ class BinaryTest(FileTest):
 
     def test_numpy_and_vcd(self):
         self.check("npy", self.made(".npy", lambda f: np.save(f, TIMES)), TIMES, 0)
+        two = self.made(".npy", lambda f: np.save(f, np.array([TIMES, TIMES]).T))
+        self.check("named", two, TIMES, 0, columns=["a", "t [s]"], impacts={1: "t [s]"},
+                   said="times in s, as column 't [s]' says")  # fmt: skip
+        self.check("too few names", two, Refused("--columns names 1 column"), columns=["a"],
+                   impacts={1: "a"})  # fmt: skip
         objects = self.made(".npy", lambda f: np.save(f, np.array([{}, 1], object)))
         self.check("objects", objects, Refused("cannot be read"))
         vcd = (

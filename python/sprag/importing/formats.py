@@ -6,8 +6,8 @@ import contextlib
 import io
 import os
 import re
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from .._command import require
 from .._errors import InputError
 from .moments import TIME_UNITS
-from .tables import Table, read_table
+from .tables import Table, counted, read_table
 
 # Below the peak of a sound, and after a pause of this length [s], a sample is an onset.
 _BELOW_PEAK = 10 ** (-30 / 20)
@@ -33,6 +33,8 @@ _FOREIGN = {  # first bytes, what the file is and what to do
     b"\xd0\xcf\x11\xe0": "is an old Excel file; save as .xlsx or CSV",
     b"\x1f\x8b": "is compressed; use gunzip",
 }
+
+Arrays = Mapping[str, npt.NDArray[Any]]
 
 
 def read_file(
@@ -70,25 +72,46 @@ def _read(
     for magic, what in _FOREIGN.items():
         if data.startswith(magic):
             raise InputError(what)
-    binary = _binary_reader(data)
-    if binary:
-        try:
-            return binary(data)
-        except InputError:
-            raise
-        except MemoryError:
-            raise InputError("claims to hold more than fits in memory; it is damaged") from None
-        except Exception as error:  # the libraries raise many kinds for damaged files
-            text = str(error).split("\n")[0] or type(error).__name__
-            raise InputError(f"cannot be read: {text}") from None
-    text, remarks = _decoded(data)
-    start = text.lstrip()
-    if start.startswith(("$date", "$version", "$timescale", "$comment", "$scope")):
-        return _read_vcd(text)
-    if start[:1] in ("{", "[") and text.rstrip()[-1:] in ("}", "]"):
-        raise InputError("is JSON; export CSV")
+    if data.startswith(b"PK\x03\x04"):
+        (text, remarks), separator = _guarded(_text_of_excel, data), "tab"
+    elif reader := _binary_reader(data):
+        return _renamed(_guarded(reader, data), names)
+    else:
+        text, remarks = _decoded(data)
+        start = text.lstrip()
+        if start.startswith(("$date", "$version", "$timescale", "$comment", "$scope")):
+            return _renamed(_read_vcd(text), names)
+        if start[:1] in ("{", "[") and text.rstrip()[-1:] in ("}", "]"):
+            raise InputError("is JSON; export CSV")
     table = read_table(text, names, separator, skip_lines)
     table.remarks[:0] = remarks
+    return table
+
+
+_Read = TypeVar("_Read")
+
+
+def _guarded(reader: Callable[[bytes], _Read], data: bytes) -> _Read:
+    try:
+        return reader(data)
+    except InputError:
+        raise
+    except MemoryError:
+        raise InputError("claims to hold more than fits in memory; it is damaged") from None
+    except Exception as error:  # the libraries raise many kinds for damaged files
+        text = str(error).split("\n")[0] or type(error).__name__
+        raise InputError(f"cannot be read: {text}") from None
+
+
+def _renamed(table: Table, names: Sequence[str] | None) -> Table:
+    if names and len(names) != len(table.names):
+        raise InputError(
+            f"has the columns {table.listed()}; --columns names {counted(len(names), 'column')}"
+        )
+    for old, name in zip(table.names, names or ()):
+        if unit := table.units.pop(old, None) or table.unit(old):
+            table.units[name] = unit
+    table.names = list(names or table.names)
     return table
 
 
@@ -110,8 +133,6 @@ def _decoded(data: bytes) -> tuple[str, list[str]]:
 
 
 def _binary_reader(data: bytes) -> Callable[[bytes], Table] | None:
-    if data.startswith(b"PK\x03\x04"):
-        return _read_excel if b"[Content_Types]" in data[:4000] or b"xl/" in data else _refuse_zip
     if data.startswith(b"MATLAB 5.0"):
         return _read_mat
     if data.startswith(b"\x93NUMPY"):
@@ -121,48 +142,38 @@ def _binary_reader(data: bytes) -> Callable[[bytes], Table] | None:
     return None
 
 
-def _refuse_zip(data: bytes) -> Table:
-    raise InputError("is a zip archive (sigrok's .sr, numpy's .npz, ...); export CSV")
-
-
 def _text_of(value: Any) -> str:
-    """A number as a cell: integers with all digits, "" for NaN."""
+    """A value as a cell: integers with all digits, "" for NaN and None."""
+    if value is None or value != value:
+        return ""
     if isinstance(value, bool):
         return str(int(value))
-    return "" if value != value else str(value) if isinstance(value, int) else repr(value)
+    return repr(value) if isinstance(value, float) else str(value)
 
 
-def _of_numbers(names: list[str], columns: Sequence[npt.NDArray[Any]]) -> Table:
-    cells = [[_text_of(value) for value in column.tolist()] for column in columns]
+def _of_arrays(arrays: Arrays) -> Table:
+    """Columns of equal length."""
+    cells = [[_text_of(value) for value in array.tolist()] for array in arrays.values()]
     rows = [list(row) for row in zip(*cells)]
     if not rows:
         raise InputError("has no rows")
-    return Table(names, rows, list(range(1, len(rows) + 1)))
+    return Table(list(arrays), rows, list(range(1, len(rows) + 1)))
 
 
-def _read_excel(data: bytes) -> Table:
+def _text_of_excel(data: bytes) -> tuple[str, list[str]]:
+    """The first sheet, its cells separated by tabs."""
+    if b"[Content_Types]" not in data[:4000] and b"xl/" not in data:
+        raise InputError("is a zip archive (sigrok's .sr, numpy's .npz, ...); export CSV")
     openpyxl = require("openpyxl", "python3-openpyxl", "reading .xlsx files")
     book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
-    rows = [
-        [_excel_cell(cell).replace("\t", " ") for cell in row]
-        for row in book.worksheets[0].iter_rows(values_only=True)
+    sheet = book.worksheets[0]
+    lines = [
+        "\t".join(_text_of(cell).replace("\t", " ") for cell in row)
+        for row in sheet.iter_rows(values_only=True)
     ]
-    table = read_table("\n".join("\t".join(row) for row in rows), None, "tab")
-    if len(book.worksheets) > 1:
-        table.remarks.append(
-            f"only the first of {len(book.worksheets)} sheets is read, "
-            f"'{book.worksheets[0].title}'"
-        )
-    return table
-
-
-def _excel_cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if hasattr(value, "isoformat"):  # a date, or a time of day
-        return str(value.isoformat(sep=" ") if hasattr(value, "hour") and hasattr(value, "year")
-                   else value.isoformat())  # fmt: skip
-    return repr(value) if isinstance(value, float) else str(value)
+    others = len(book.worksheets) - 1
+    remark = f"only the first of {others + 1} sheets is read, '{sheet.title}'"
+    return "\n".join(lines), [remark] if others else []
 
 
 def _read_mat(data: bytes) -> Table:
@@ -185,16 +196,16 @@ def _read_mat(data: bytes) -> Table:
     if len({len(column) for column in columns.values()}) > 1:
         sizes = ", ".join(f"{name} {len(column)}" for name, column in columns.items())
         raise InputError(f"its variables differ in length: {sizes}")
-    return _of_numbers(list(columns), list(columns.values()))
+    return _of_arrays(columns)
 
 
-def _of_picoscope(arrays: dict[str, npt.NDArray[Any]]) -> Table:
+def _of_picoscope(arrays: Arrays) -> Table:
     signals = {name: array for name, array in arrays.items() if array.ndim == 1 and len(array) > 1}
     if not signals:
         raise InputError("has no signals")
     longest = max(len(signal) for signal in signals.values())
     t = float(arrays["Tstart"]) + np.arange(longest) * float(arrays["Tinterval"])
-    table = _of_numbers(["Time [s]", *signals], [t, *signals.values()])
+    table = _of_arrays({"Time [s]": t, **signals})
     table.remarks.append("times are Tstart + k Tinterval")
     return table
 
@@ -202,11 +213,11 @@ def _of_picoscope(arrays: dict[str, npt.NDArray[Any]]) -> Table:
 def _read_npy(data: bytes) -> Table:
     array = np.load(io.BytesIO(data), allow_pickle=False)
     if array.dtype.names:
-        return _of_numbers(list(array.dtype.names), [array[name] for name in array.dtype.names])
+        return _of_arrays({name: array[name] for name in array.dtype.names})
     if array.ndim not in (1, 2) or array.dtype.kind not in "fiub":
         raise InputError("must be an array of one or two dimensions of numbers")
     columns = [array] if array.ndim == 1 else list(array.T)
-    table = _of_numbers([f"column {i + 1}" for i in range(len(columns))], columns)
+    table = _of_arrays({f"column {i + 1}": column for i, column in enumerate(columns)})
     table.remarks.append(f"the columns have no names; they are called {', '.join(table.names)}")
     table.has_header = False
     return table
@@ -222,7 +233,7 @@ def _read_wav(data: bytes) -> Table:
     onsets = loud[np.diff(loud, prepend=-rate) > _PAUSE * rate]
     if not len(onsets):
         raise InputError("is silent")
-    table = _of_numbers(["Onset [s]"], [onsets / rate])
+    table = _of_arrays({"Onset [s]": onsets / rate})
     table.remarks.append(
         f"{len(onsets)} onsets: the first sample less than 30 dB below the peak after a pause of "
         f"{_PAUSE:g} s"
