@@ -13,7 +13,7 @@
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
-#include "tools/diagnose/print.h"
+#include "tools/diagnose/text.h"
 
 namespace sprag {
 namespace {

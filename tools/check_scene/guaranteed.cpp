@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <nlohmann/json.hpp>
 
 #include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/bound/bound_tracker.h"
@@ -28,7 +27,7 @@ std::string with_unit(double value, double scale, const char* unit) {
   return text;
 }
 
-std::string length(double value) {
+std::string length_text(double value) {
   if (value < 1e-4) return with_unit(value, 1e6, "um");
   return value < 0.1 ? with_unit(value, 1e3, "mm") : with_unit(value, 1.0, "m");
 }
@@ -48,7 +47,7 @@ std::string limits_text(const Tolerance& tolerance) {
   add(tolerance.stiffness, "stiffness to " + with_unit(tolerance.stiffness, 100.0, "%"));
   add(tolerance.damping, "damping to " + with_unit(tolerance.damping, 100.0, "%"));
   add(tolerance.force, "force to " + with_unit(tolerance.force, 1.0, ""));
-  add(tolerance.clearance, "clearance to " + length(tolerance.clearance));
+  add(tolerance.clearance, "clearance to " + length_text(tolerance.clearance));
   return text;
 }
 
@@ -101,7 +100,7 @@ std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWi
     std::string unheld;
     for (const auto& [name, width] : found->widths) {
       if (std::isfinite(width)) {
-        words += name + " within " + length(width) + ", ";
+        words += name + " within " + length_text(width) + ", ";
       } else {
         unheld += (unheld.empty() ? "" : ", ") + name;
       }
@@ -118,22 +117,6 @@ std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWi
   std::string text;
   append_wrapped(text, words);
   return text;
-}
-
-void write_guaranteed(const std::optional<GuaranteedWidths>& found,
-                      nlohmann::ordered_json& object) {
-  if (!found) return;
-  const auto or_null = [](double value) {
-    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-  };
-  nlohmann::ordered_json& of = object["guaranteed"];
-  of["why_none"] = found->why_none.empty() ? nlohmann::ordered_json(nullptr)
-                                           : nlohmann::ordered_json(found->why_none);
-  of["duration"] = found->duration;
-  of["bound"] = or_null(found->why_none.empty() ? found->floor.largest : infinity);
-  of["bound_after_gap"] = or_null(found->why_none.empty() ? found->floor.without_events : infinity);
-  of["half_widths"] = nlohmann::ordered_json::object();
-  for (const auto& [name, width] : found->widths) of["half_widths"][name] = or_null(width);
 }
 
 }  // namespace sprag

@@ -1,7 +1,6 @@
 // Guaranteed half-widths of a scene with tolerances, for reports.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -27,7 +26,5 @@ std::optional<GuaranteedWidths> guaranteed_widths(const Scene& scene);
 
 /// "guaranteed: tip within 2.1 mm at 0.1 ms"; empty without tolerances.
 std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWidths>& widths);
-void write_guaranteed(const std::optional<GuaranteedWidths>& widths,
-                      nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -1,6 +1,10 @@
 #include "tools/check_scene/json.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
+
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {
@@ -111,6 +115,37 @@ void write_json(const Assessment& a, nlohmann::ordered_json& object) {
                                   {"provided", finding.provided},
                                   {"change", finding.change}});
   }
+}
+
+void write_parameters(const Scene& scene, nlohmann::ordered_json& object) {
+  const ParameterUncertainty& parameters = scene.prior.parameters;
+  if (parameters.empty()) return;
+  auto list = nlohmann::ordered_json::array();
+  for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
+    const Unknown unknown = unknown_of(scene, parameters.keys[k]);
+    list.push_back({{"parameter", unknown.key},
+                    {"unit", unknown.unit},
+                    {"value", unknown.nominal},
+                    {"sigma", parameters.sigma[static_cast<Eigen::Index>(k)]},
+                    {"consider", static_cast<bool>(parameters.consider[k])}});
+  }
+  object["uncertain_parameters"] = std::move(list);
+}
+
+void write_guaranteed(const std::optional<GuaranteedWidths>& found,
+                      nlohmann::ordered_json& object) {
+  if (!found) return;
+  const auto or_null = [](double value) {
+    return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+  };
+  nlohmann::ordered_json& of = object["guaranteed"];
+  of["why_none"] = found->why_none.empty() ? nlohmann::ordered_json(nullptr)
+                                           : nlohmann::ordered_json(found->why_none);
+  of["duration"] = found->duration;
+  of["bound"] = or_null(found->why_none.empty() ? found->floor.largest : infinity);
+  of["bound_after_gap"] = or_null(found->why_none.empty() ? found->floor.without_events : infinity);
+  of["half_widths"] = nlohmann::ordered_json::object();
+  for (const auto& [name, width] : found->widths) of["half_widths"][name] = or_null(width);
 }
 
 void write_machine(const Scene& scene, nlohmann::ordered_json& object) {

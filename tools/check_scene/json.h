@@ -2,14 +2,23 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 
 #include "sprag/assessment.h"
 #include "sprag/scene.h"
+#include "tools/check_scene/guaranteed.h"
 
 namespace sprag {
 
 /// Adds all figures without rounding, and the findings. Infinite figures are null.
 void write_json(const Assessment& assessment, nlohmann::ordered_json& object);
+
+/// Adds `uncertain_parameters`, an array, if the scene has any.
+void write_parameters(const Scene& scene, nlohmann::ordered_json& object);
+
+/// Adds `guaranteed`, if there is one. Infinite figures are null.
+void write_guaranteed(const std::optional<GuaranteedWidths>& widths,
+                      nlohmann::ordered_json& object);
 
 /// Adds what pictures need of the machine: coordinates, contacts, outputs and `decay_rate`, the
 /// alpha of damping C = alpha M, null for other damping.

@@ -1,7 +1,6 @@
 // Uncertain parameters of a scene, for reports.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "sprag/scene.h"
@@ -11,8 +10,5 @@ namespace sprag {
 /// "uncertain parameters: impact.restitution 0.7 +- 0.01, beam.damping 0.2 +- 0.002 (considered)",
 /// wrapped; empty if the scene has none.
 std::string parameters_text(const Scene& scene);
-
-/// Adds `uncertain_parameters`, an array, if the scene has any.
-void write_parameters(const Scene& scene, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -5,7 +5,8 @@
 #include "command_line/program.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/diagnosis.h"
-#include "tools/diagnose/print.h"
+#include "tools/diagnose/json.h"
+#include "tools/diagnose/text.h"
 
 namespace sprag {
 

@@ -13,8 +13,9 @@
 #include "sprag/detail/files/output_file.h"
 #include "sprag/detail/identification/fitted_parameters.h"
 #include "tools/identify/fitted_text.h"
+#include "tools/identify/json.h"
 #include "tools/identify/mended_events.h"
-#include "tools/identify/print.h"
+#include "tools/identify/text.h"
 
 namespace sprag {
 namespace {

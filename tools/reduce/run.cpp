@@ -7,7 +7,8 @@
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
-#include "tools/reduce/print.h"
+#include "tools/reduce/json.h"
+#include "tools/reduce/text.h"
 
 namespace sprag {
 namespace {
@@ -33,7 +34,8 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
       read_recorded_events(run.events, scene, run.duration, AfterLoss::dropped, common, report);
 
   const Followed followed = second_half(recorded.events, recorded.begins, recorded.closed);
-  const ReductionTable table{scene.name, followed, reductions(machine, kept, followed)};
+  const ReductionTable table{scene.name, closings(followed), followed.counts,
+                             followed.events.back().t, reductions(machine, kept, followed)};
   if (table.reductions.empty()) {
     throw ModelError("the first " + std::to_string(run.modes) + " modes do not see every contact");
   }

@@ -207,6 +207,13 @@ std::vector<const Candidate*> Diagnosis::ties() const {
   return ties;
 }
 
+const Candidate* Diagnosis::phase() const {
+  for (const Candidate& candidate : candidates) {
+    if (candidate.parameter.quantity == Quantity::phase) return &candidate;
+  }
+  return nullptr;
+}
+
 Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
                    const Beginning& beginning) {
   const int to_start = 2 * static_cast<int>(scene.model.coordinates());

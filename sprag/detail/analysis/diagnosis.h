@@ -40,6 +40,8 @@ struct Candidate {
   /// For the best candidate: another parameter that explains significantly more together with it;
   /// else empty.
   std::string improved_by;
+
+  double change() const { return value - parameter.nominal; }
 };
 
 struct Diagnosis {
@@ -77,6 +79,8 @@ struct Diagnosis {
   const Candidate* explanation() const;
   /// Other parameters that explain the misfit as well, so that the events do not distinguish them.
   std::vector<const Candidate*> ties() const;
+  /// The first phase among the candidates, or null.
+  const Candidate* phase() const;
 };
 
 /// Beginning of the record: all events after t [s] are known; and the contacts that were closed

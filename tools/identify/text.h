@@ -1,7 +1,6 @@
-// Output of an identification as text and as JSON.
+// An identification as text.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,8 +27,5 @@ std::string verdict(const IdentifyResult& result);
 
 /// Verdict and a table of the parameters, at most 100 columns.
 std::string to_text(const IdentifyResult& result);
-
-/// Adds all figures without rounding.
-void write_json(const IdentifyResult& result, nlohmann::ordered_json& object);
 
 }  // namespace sprag

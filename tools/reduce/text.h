@@ -1,7 +1,6 @@
-// Output of the candidates of a reduction as text and as JSON.
+// The candidates of a reduction as text.
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -11,14 +10,12 @@ namespace sprag {
 
 struct ReductionTable {
   std::string scene;
-  Followed followed;
+  int closings = 0;                   ///< that count
+  double from = 0.0, to = 0.0;        ///< begin and end of the time in which they count [s]
   std::vector<Reduction> reductions;  ///< the best first; at least one
 };
 
 /// The chosen candidate, and a table of all, at most 100 columns.
 std::string to_text(const ReductionTable& table);
-
-/// Adds all figures without rounding. An infinite rms is null.
-void write_json(const ReductionTable& table, nlohmann::ordered_json& object);
 
 }  // namespace sprag

@@ -1,0 +1,31 @@
+#include "tools/reduce/json.h"
+
+#include <nlohmann/json.hpp>
+
+namespace sprag {
+
+void write_json(const ReductionTable& table, nlohmann::ordered_json& object) {
+  const Reduction& best = table.reductions.front();
+  object["scene"] = table.scene;
+  object["modes"] = best.modes;
+  object["correction"] = best.correction;
+  object["coordinates"] = best.machine.model.coordinates();
+  object["rms_gap"] = best.rms;
+  object["closings"] = table.closings;
+  object["from"] = table.from;
+  object["to"] = table.to;
+  object["candidates"] = nlohmann::ordered_json::array();
+  for (const Reduction& reduction : table.reductions) {
+    nlohmann::ordered_json entry{{"correction", reduction.correction},
+                                 {"coordinates", reduction.machine.model.coordinates()},
+                                 {"rms_gap", reduction.rms}};
+    if (reduction.share) entry["share"] = *reduction.share;
+    if (!reduction.static_vectors.empty()) {
+      entry["static_vectors"] = reduction.static_vectors;
+      entry["least_damping_ratio"] = reduction.least_zeta;
+    }
+    object["candidates"].push_back(std::move(entry));
+  }
+}
+
+}  // namespace sprag

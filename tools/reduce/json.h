@@ -1,0 +1,13 @@
+// The candidates of a reduction as JSON.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "tools/reduce/text.h"
+
+namespace sprag {
+
+/// Adds all figures without rounding. An infinite rms is null.
+void write_json(const ReductionTable& table, nlohmann::ordered_json& object);
+
+}  // namespace sprag
