@@ -9,12 +9,12 @@
 #include <string_view>
 #include <system_error>
 
-#include "command_line/printable.h"
 #include "command_line/signals.h"
 #include "command_line/standard_files.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/output_file.h"
 #include "sprag/detail/files/shipped_scenes.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/model.h"
 #include "sprag/scene_file.h"
 #include "sprag/version.h"

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <sstream>
 
-#include "command_line/printable.h"
 #include "command_line/program.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag {
 

@@ -9,7 +9,6 @@
 #include <optional>
 #include <thread>
 
-#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
@@ -18,6 +17,7 @@
 #include "lcmtypes/wall_clock.h"
 #include "master_sim/record_sender.h"
 #include "sprag/detail/files/confidence_columns.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/events_file.h"
 #include "sprag/master.h"
 #include "sprag/states_file.h"

@@ -6,10 +6,10 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/replica/penetration.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag {
 

@@ -1,5 +1,5 @@
 // Control characters and invalid UTF-8 become escapes; all other text stays unchanged.
-#include "command_line/printable.h"
+#include "sprag/detail/text/printable.h"
 
 #include <gtest/gtest.h>
 

@@ -9,11 +9,11 @@
 #include <tuple>
 
 #include "sprag/detail/analysis/diagnosis.h"
+#include "sprag/detail/text/diagnosis_text.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
-#include "tools/diagnose/text.h"
 
 namespace sprag {
 namespace {

@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "sprag/assessment.h"
+#include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/scene.h"
-#include "tools/check_scene/guaranteed.h"
 
 namespace sprag {
 

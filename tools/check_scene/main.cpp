@@ -2,14 +2,14 @@
 #include <chrono>
 #include <nlohmann/json.hpp>
 
-#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "sprag/assessment.h"
+#include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/text/parameters_text.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/scene.h"
-#include "tools/check_scene/guaranteed.h"
 #include "tools/check_scene/json.h"
-#include "tools/check_scene/parameters.h"
 
 namespace {
 

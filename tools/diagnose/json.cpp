@@ -3,7 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "tools/diagnose/text.h"
+#include "sprag/detail/text/diagnosis_text.h"
 
 namespace sprag {
 

@@ -5,8 +5,8 @@
 #include "command_line/program.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/diagnosis.h"
+#include "sprag/detail/text/diagnosis_text.h"
 #include "tools/diagnose/json.h"
-#include "tools/diagnose/text.h"
 
 namespace sprag {
 

@@ -3,7 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "tools/identify/text.h"
+#include "sprag/detail/text/identification_text.h"
 
 namespace sprag {
 

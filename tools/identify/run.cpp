@@ -6,16 +6,16 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "command_line/printable.h"
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/files/output_file.h"
 #include "sprag/detail/identification/fitted_parameters.h"
+#include "sprag/detail/text/identification_text.h"
+#include "sprag/detail/text/printable.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/json.h"
 #include "tools/identify/mended_events.h"
-#include "tools/identify/text.h"
 
 namespace sprag {
 namespace {

@@ -4,8 +4,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "command_line/printable.h"
 #include "lcmtypes/wall_clock.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag {
 

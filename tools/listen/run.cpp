@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 
-#include "command_line/printable.h"
 #include "command_line/signals.h"
+#include "sprag/detail/text/printable.h"
 #include "tools/listen/publication.h"
 #include "tools/listen/source.h"
 

@@ -13,8 +13,8 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "command_line/printable.h"
 #include "sprag/detail/files/csv.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag::plot {
 namespace {

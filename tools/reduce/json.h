@@ -3,7 +3,7 @@
 
 #include <nlohmann/json_fwd.hpp>
 
-#include "tools/reduce/text.h"
+#include "sprag/detail/text/reduction_text.h"
 
 namespace sprag {
 

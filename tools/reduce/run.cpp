@@ -7,8 +7,8 @@
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/text/reduction_text.h"
 #include "tools/reduce/json.h"
-#include "tools/reduce/text.h"
 
 namespace sprag {
 namespace {

@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "command_line/printable.h"
 #include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/files/csv.h"
+#include "sprag/detail/text/printable.h"
 #include "tools/tolerance/words.h"
 
 namespace sprag::tolerance {

@@ -1,11 +1,11 @@
-#include "tools/identify/text.h"
+#include "sprag/detail/text/identification_text.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "command_line/printable.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/detail/text/table.h"
 
 namespace sprag {

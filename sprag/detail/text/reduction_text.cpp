@@ -1,9 +1,9 @@
-#include "tools/reduce/text.h"
+#include "sprag/detail/text/reduction_text.h"
 
 #include <cstdio>
 
-#include "command_line/printable.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag {
 namespace {

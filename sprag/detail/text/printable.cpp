@@ -1,4 +1,4 @@
-#include "command_line/printable.h"
+#include "sprag/detail/text/printable.h"
 
 #include <array>
 #include <cstdio>

@@ -1,10 +1,10 @@
-#include "tools/diagnose/text.h"
+#include "sprag/detail/text/diagnosis_text.h"
 
 #include <array>
 #include <cmath>
 
-#include "command_line/printable.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/detail/text/table.h"
 
 namespace sprag {

@@ -1,4 +1,4 @@
-#include "tools/check_scene/guaranteed.h"
+#include "sprag/detail/analysis/guaranteed_widths.h"
 
 #include <algorithm>
 #include <cmath>

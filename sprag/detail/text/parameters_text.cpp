@@ -1,4 +1,4 @@
-#include "tools/check_scene/parameters.h"
+#include "sprag/detail/text/parameters_text.h"
 
 #include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/identification/verdict.h"
