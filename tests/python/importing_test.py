@@ -791,6 +791,12 @@ class PlainTest(FileTest):
         ]:  # fmt: skip
             table = read_table(text)
             self.assertEqual((table.names, table.rows), (names, [["1.5", "2"]]), text)
+        for text, names in [
+            ("# a Mac\n1.5,2\n3.5,4\n", ["column 1", "column 2"]), ("# t a\n1 2\n3 4\n", ["t", "a"]),
+            ("# time(s), a (g)\n1 2\n3 4\n", ["time(s)", "a (g)"]),
+            ("# t,u\n# a logger\n1.5,2\n3.5,4\n", ["column 1", "column 2"]),
+        ]:  # fmt: skip
+            self.assertEqual(read_table(text).names, names, text)
         table = read_table("impact,rise,fall,rise\n1,2,3,4\n")
         with self.assertRaisesRegex(InputError, "did you mean 'impact'"):
             table.column("impcat")

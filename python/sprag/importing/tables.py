@@ -107,28 +107,26 @@ def read_table(
         raise InputError("there is no header and no row")
     lines = [line for _, line in numbered]
     mark = SEPARATORS[separator] if separator else _separator(lines, names)
-    split = [_split(line, mark, names) for line in lines]
-    problems = [
-        Problem(number, "", "a quote is not closed")
-        for (number, _), row in zip(numbered, split)
-        if row is None
-    ]
-    rows = [row for row in split if row is not None]
+    problems, rows, numbers = [], [], []
+    for number, line in numbered:
+        if (row := _split(line, mark, names)) is None:
+            problems.append(Problem(number, "", "a quote is not closed"))
+        else:
+            rows.append(row)
+            numbers.append(number)
     if not rows:
         raise InputError(str(problems[0]))
-    numbers = [number for (number, _), row in zip(numbered, split) if row is not None]
     usual = _usual(rows)
     begin = _begin_of_data(rows, usual)
     if begin is None:
         raise InputError("has no rows of numbers or times in columns")
     table = Table([], rows[begin:], numbers[begin:], problems=problems)
-    wrong_mark = ", as with unquoted decimal or thousands commas" if mark == "," else ""
     above = [line.strip() for number, line in comments if number < numbers[begin]]
     if names:
         _take_names(table, names, len(usual), rows[:begin], numbers)
     else:
-        _find_names(table, usual, rows[:begin], above, wrong_mark)
-    _make_equal(table, "--columns has" if names else "the header has", wrong_mark)
+        _find_names(table, len(usual), rows[:begin], above[-1:], mark)
+    _make_equal(table, "--columns has" if names else "the header has", mark)
     _check_commas(table)
     table.sample_rate = _stated_rate(
         [line for _, line in comments] + [",".join(row) for row in rows[:begin]]
@@ -249,12 +247,8 @@ def _separator(lines: list[str], names: Sequence[str] | None) -> str | None:
 
 def _are_names(row: list[str]) -> bool:
     """Texts, or whole numbers after a first text, as in x-axis,1."""
-    kinds = [_kind(cell) for cell in row]
-    are_texts = [kind in ("text", "", "word") for kind in kinds]
-    numbered = kinds[:1] == ["text"] and all(
-        is_text or cell.isdigit() for is_text, cell in zip(are_texts, row)
-    )
-    return any(row) and (all(are_texts) or numbered)
+    others = [cell for cell in row if _kind(cell) not in ("text", "", "word")]
+    return any(row) and (not others or (_kind(row[0]) == "text" and "".join(others).isdigit()))
 
 
 def _take_names(
@@ -274,10 +268,12 @@ def _take_names(
 
 
 def _find_names(
-    table: Table, usual: list[str], head: Rows, comments: list[str], wrong_mark: str
+    table: Table, width: int, head: Rows, comments: list[str], mark: str | None
 ) -> None:
-    """Sets the names and units of the columns, and says which rows of the head are not used."""
-    width = len(usual)
+    """Sets the names and units of the columns, and says which rows of the head are not used.
+
+    `comments`: the last one before the rows, if there is one.
+    """
     if any(row and row[0].casefold() == "sequence" for row in head):
         raise InputError(
             "X is the number of the sample; its start and increment are in line 2. Save times, "
@@ -297,7 +293,7 @@ def _find_names(
     elif _are_names(last) and len(last) != width:
         raise InputError(
             f"{table.lines[0]}: has {counted(width, 'field')}; the header has {len(last)}"
-            + wrong_mark
+            + _cause(mark)
         )
     if len(head) > used:
         table.remarks.append(
@@ -306,10 +302,13 @@ def _find_names(
         )
     if used:
         return
-    if found := _names_in_comment(comments[-1:], width):
-        table.names = found
-        table.remarks.append(f"the columns are named by the comment {comments[-1]}")
-        return
+    # As numpy.savetxt writes its header.
+    for separator in [*filter(None, SEPARATORS.values()), mark] if comments else []:
+        names = _split(comments[0].lstrip("#%/\\; \t"), separator)
+        if names and len(names) == width and _are_names(names):
+            table.names = names
+            table.remarks.append(f"the columns are named by the comment {comments[0]}")
+            return
     if width > 6:
         raise InputError(
             f"lines like '{_short(table.rows[-1])}' are no table; give --columns, or export CSV"
@@ -322,35 +321,30 @@ def _find_names(
     )
 
 
-def _names_in_comment(comments: list[str], width: int) -> list[str]:
-    """The names in a comment just before the rows, as numpy.savetxt writes its header."""
-    for comment in comments:
-        for mark in SEPARATORS.values():
-            names = _split(comment.lstrip("#%/\\; \t"), mark)
-            if names and len(names) == width and _are_names(names):
-                return names
-    return []
+def _cause(mark: str | None) -> str:
+    """What makes more fields of a row than there are columns."""
+    return ", as with unquoted decimal or thousands commas" if mark == "," else ""
 
 
 def _short(row: list[str]) -> str:
     return " ".join(row)[:60]
 
 
-def _make_equal(table: Table, given: str, wrong_mark: str) -> None:
+def _make_equal(table: Table, given: str, mark: str | None) -> None:
     """Fills short rows with empty cells, and leaves out rows with more cells than names."""
     width = len(table.names)
-    is_long = [any(row[width:]) for row in table.rows]
-    long = [
-        Problem(line, "", f"has {counted(len(row), 'field')}; {given} {width}")
-        for row, line, too_long in zip(table.rows, table.lines, is_long)
-        if too_long
-    ]
+    rows, lines, long = [], [], []
+    for row, line in zip(table.rows, table.lines):
+        if any(row[width:]):
+            has = f"has {counted(len(row), 'field')}; {given} {width}"
+            long.append(Problem(line, "", has))
+        else:
+            rows.append(row)
+            lines.append(line)
     if 10 * len(long) > len(table.rows):
-        raise InputError(f"{long[0]}{wrong_mark}")
+        raise InputError(f"{long[0]}{_cause(mark)}")
     table.problems += long
-    table.lines = [line for line, too_long in zip(table.lines, is_long) if not too_long]
-    rows = [row for row, too_long in zip(table.rows, is_long) if not too_long]
-    table.rows = [row[:width] + [""] * (width - len(row)) for row in rows]
+    table.rows, table.lines = [row[:width] + [""] * (width - len(row)) for row in rows], lines
     if short := sum(len(row) < width for row in rows):
         table.remarks.append(
             f"{short} of {len(rows)} rows have fewer cells than the header; the last ones count "
