@@ -792,7 +792,8 @@ class PlainTest(FileTest):
             table = read_table(text)
             self.assertEqual((table.names, table.rows), (names, [["1.5", "2"]]), text)
         for text, names in [
-            ("# a Mac\n1.5,2\n3.5,4\n", ["column 1", "column 2"]), ("# t a\n1 2\n3 4\n", ["t", "a"]),
+            ("# a Mac\n1.5,2\n3.5,4\n", ["column 1", "column 2"]),
+            ("# t a\n1 2\n3 4\n", ["t", "a"]),
             ("# time(s), a (g)\n1 2\n3 4\n", ["time(s)", "a (g)"]),
             ("# t,u\n# a logger\n1.5,2\n3.5,4\n", ["column 1", "column 2"]),
         ]:  # fmt: skip
