@@ -178,6 +178,7 @@ class ProgramTest(unittest.TestCase):
             ((rig, BEAM, "--off", "on"), "no --on"),
             ((*named, "--impacts", "1=on"), "must all be alike"),
             ((*named, "--unit", "min"), "min; choose s, ms, us, ns or a number of seconds > 0"),
+            ((*named, "--offset", "5/3/2024 1:00:00"), "first? --day-first or --month-first says"),
             ((*named, "--offset", "nan"), "a finite number"), ((*named, "--debounce", "0"), "> 0"),
             ((*named, "--separator", "x"), "x; choose comma, semicolon, tab or blank"),
             ((*named, "--output", "x.txt"), ".csv or .lcmlog"),

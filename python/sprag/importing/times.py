@@ -62,7 +62,7 @@ class Clock:
         try:
             origin = moment(self.offset, self.day_first)
         except ValueError as error:
-            raise ArgumentError(f"offset {error}; day_first or month first decides") from None
+            raise ArgumentError(f"offset {error} --day-first or --month-first says it") from None
         if origin is None:
             raise ArgumentError(
                 f"offset {self.offset} is not allowed; must be a finite number or a time"
