@@ -46,7 +46,7 @@ def page(
     """
     from .document import make_document
     from .inputs import read_inputs
-    from .html import page_of
+    from .document import page_of
 
     return page_of(make_document(read_inputs(files), title, (begin, end)))
 
@@ -92,7 +92,7 @@ def main() -> int:
 def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
     from .document import make_document
     from .inputs import read_inputs
-    from .html import page_of
+    from .document import page_of
     from .pdf import pdf_of
 
     form = options.format or os.path.splitext(options.output)[1].removeprefix(".")

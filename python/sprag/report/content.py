@@ -50,9 +50,9 @@ class Section:
 
 @dataclass
 class Verdict:
-    """Two sentences."""
+    """Two sentences about a program and its run."""
 
-    about: str  # program and run
+    about: str
     first: str
     second: str = ""
     tone: Literal["good", "bad", ""] = ""
@@ -67,6 +67,11 @@ class Document:
     sections: list[Section]
 
 
+def facts(caption: str, *pairs: tuple[str, str]) -> Grid:
+    """A table of quantities and their values, without those that have none."""
+    return Grid(caption, ["quantity", "value"], [list(pair) for pair in pairs if pair[1]])
+
+
 def rounded(value: float | None, digits: int = 4) -> str:
     """A number of significant digits; "not determined" if it is not finite."""
     if value is None or not math.isfinite(value):
@@ -74,19 +79,17 @@ def rounded(value: float | None, digits: int = 4) -> str:
     return f"{value + 0.0:.{digits}g}"
 
 
-def rounded_to(value: float | None, sigma: float | None) -> str:
+def rounded_to(value: float, sigma: float) -> str:
     """The same with the digits that its standard deviation supports: two of sigma."""
-    if value is None or not math.isfinite(value):
-        return "not determined"
-    if sigma is None or not 0.0 < sigma < math.inf or value == 0.0:
+    if not 0.0 < sigma < math.inf or value == 0.0 or not math.isfinite(value):
         return rounded(value, 6)
     digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(sigma)) + 2
     return rounded(value, min(max(digits, 2), 10))
 
 
-def scale(values: Sequence[float | None], unit: str) -> tuple[float, str]:
+def scale(values: Sequence[float], unit: str) -> tuple[float, str]:
     """Factor and unit for values, as in pictures: mm, µm, nm or pm for small ones in m."""
-    finite = [abs(value) for value in values if value is not None and math.isfinite(value)]
+    finite = [abs(value) for value in values if math.isfinite(value)]
     return readable_unit(max(finite, default=0.0), unit)
 
 

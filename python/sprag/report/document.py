@@ -1,24 +1,33 @@
-"""The sections of a report in their order, as far as the files have something for them."""
+"""A report: its sections in their order, and their form as one HTML page.
+
+The page has no script, loads nothing, and contains its pictures.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import itertools
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
+from .._command import printable, require
+from .._version import __version__
 from .content import Document, Section, Verdict
 from .identification import identification_section, verdict_of_identification
 from .machine import machine_section
+from .pictures import MotionPictures
 from .run import (
     certainty_section,
     impacts_section,
     inconsistencies_section,
     measurement_section,
-    motion_section,
     provenance_section,
     residuals_section,
     verdict_of_run,
 )
 
 if TYPE_CHECKING:
+    from .content import Picture
     from .inputs import Inputs
 
 
@@ -28,24 +37,58 @@ def make_document(inputs: Inputs, title: str, span: tuple[float, float]) -> Docu
     verdicts = [verdict_of_identification(report) for report in fits]
     verdicts += [verdict_of_run(run, inputs) for run in inputs.runs()]
     if not verdicts:
-        verdicts.append(
-            Verdict(
-                "Verdict",
-                "Not determined.",
-                "Neither an estimate of the observer nor a report of observer or identify is among "
-                "the files.",
-            )
+        none = (
+            "Neither an estimate of the observer nor a report of observer or identify is among the "
+            "files."
         )
-    sections: list[Section | None] = [
+        verdicts = [Verdict("Verdict", "Not determined.", none)]
+    motion = [*MotionPictures(inputs, span).of_motion()] if inputs.of_kind("states") else []
+    sections = [
         machine_section(inputs),
         measurement_section(inputs),
         *(identification_section(report, inputs.scene_name) for report in fits),
-        motion_section(inputs, span),
+        Section("Motion", [*motion]) if inputs.of_kind("states") else None,
         residuals_section(inputs),
         impacts_section(inputs, span),
         certainty_section(inputs, span),
         inconsistencies_section(inputs),
         provenance_section(inputs),
     ]
-    title = title or inputs.scene_name
-    return Document(title, verdicts, [section for section in sections if section is not None])
+    present = [section for section in sections if section is not None]
+    return Document(title or inputs.scene_name, verdicts, present)
+
+
+def page_of(document: Document) -> str:
+    """The page as text. Every name in it is text of one line, whatever it contains."""
+    jinja2 = require("jinja2", "python3-jinja2", "report")
+    markup = require("markupsafe", "python3-markupsafe", "report").Markup
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("sprag.report", "."),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        finalize=lambda value: value if isinstance(value, markup) else printable(str(value)),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    template = environment.get_template("page.html.j2")
+    inline_svg = _inline_svg(markup)
+    return str(template.render(document=document, version=__version__, inline_svg=inline_svg))
+
+
+def _inline_svg(markup: Any) -> Callable[[Picture], Any]:
+    """Makes <svg> elements part of one page.
+
+    Identifiers hold for the whole page, so those of each picture get a prefix of its own.
+    """
+    number = itertools.count(1)
+
+    def inline_svg(picture: Picture) -> Any:
+        prefix = f"p{next(number)}-"
+        tags = re.compile(r"<[^>]*>")  # text between tags stays as it is
+        references = re.compile(r"""(\bid="|href="#|url\(#)""")
+        svg = tags.sub(lambda tag: references.sub(rf"\g<1>{prefix}", tag[0]), picture.svg)
+        label = markup.escape(printable(picture.caption))
+        return markup(svg.replace("<svg ", f'<svg role="img" aria-label="{label}" ', 1))
+
+    return inline_svg

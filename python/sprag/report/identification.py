@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .analysis import Residuals, consistency
-from .content import (
-    MOST_ROWS,
-    Grid,
-    Section,
-    Verdict,
-    quantity,
-    rounded,
-    rounded_to,
-    scale,
-)
-from .inputs import at, count_at, list_at, number_at, text_at
+from .content import MOST_ROWS, Block, Grid, Section, Verdict, quantity, rounded
+from .content import rounded_to, scale
+from .inputs import at, count_at, list_at, number_at, numbers_at, text_at
 from .pictures import Interval, correlation_picture, interval_picture, residual_picture
 
 if TYPE_CHECKING:
@@ -30,62 +22,65 @@ MOST_CONTACTS = 60
 def verdict_of_identification(report: JsonReport) -> Verdict:
     """The verdict of identify, with its reason or with the check of the prediction."""
     content = report.content
-    verdict = Verdict(
-        f"Identification, {report.file}",
-        _sentence(text_at(content, "verdict")),
-        tone="good" if at(content, "fits") is True else "bad",
-    )
-    predicted = number_at(content, "predicted")
-    if not verdict.first:
-        error = text_at(content, "error")
-        verdict.first = _sentence(error) if error else "The report has no verdict."
-    elif at(content, "fits") is not True:
-        verdict.second = text_at(content, "reason")
-    elif predicted is not None and predicted > 0.0:
-        before = quantity(number_at(content, "predicted_before"), "s", 2)
-        verdict.second = (
+    fits, verdict = at(content, "fits") is True, text_at(content, "verdict")
+
+    def seconds(key: str, digits: int = 2) -> str:
+        return quantity(number_at(content, key), "s", digits)
+
+    if not verdict:
+        verdict, second = text_at(content, "error") or "the report has no verdict", ""
+    elif not fits:
+        second = text_at(content, "reason")
+    elif (number_at(content, "predicted") or 0.0) > 0.0:
+        second = (
             "The fit to the first four fifths of the recording predicts the impacts of the last "
-            f"fifth within {quantity(predicted, 's', 2)}, and those of the four within {before}."
+            f"fifth within {seconds('predicted')}, and those of the four within "
+            f"{seconds('predicted_before')}."
         )
     else:
-        scatter = quantity(number_at(content, "scatter"), "s", 3)
-        verdict.second = (
+        scatter = seconds("scatter", 3)
+        second = (
             f"The residuals scatter by {scatter}; a prediction of later impacts was not tested."
         )
-    return verdict
+    first = verdict[0].upper() + verdict[1:].removesuffix(".") + "."
+    return Verdict(f"Identification, {report.file}", first, second, "good" if fits else "bad")
 
 
 def identification_section(report: JsonReport, scene_name: str) -> Section:
     """Parameters, their intervals and correlations, the residuals, lost and spurious events."""
     content = report.content
-    section = Section("Identification")
+    blocks: list[Block] = []
     name = text_at(content, "scene")
     if name and name != scene_name:
-        section.blocks.append(
-            f"The identification was of the scene {name}, this report shows the scene "
-            f"{scene_name}."
+        blocks.append(
+            f"The identification was of the scene {name}, this report shows the scene {scene_name}."
         )
     if list_at(content, "parameters"):
-        section.blocks.append(_parameters(content))
+        blocks.append(_parameters(content))
     if list_at(content, "others"):
-        section.blocks.append(
+        blocks.append(
             "Other values of the parameters fit the events as well: the result is ambiguous."
         )
     if intervals := _intervals(content):
-        section.blocks.append(interval_picture(intervals))
-    section.blocks.append(_facts(content))
-    names, correlations = _correlations(content)
-    if len(names) > 1:
-        section.blocks.append(correlation_picture(names, correlations))
-    _add_residuals(content, section)
-    events = _events(content)
-    if events.rows:
-        section.blocks.append(events)
-    return section
-
-
-def _sentence(clause: str) -> str:
-    return clause[:1].upper() + clause[1:] + ("" if clause.endswith(".") or not clause else ".")
+        blocks.append(interval_picture(intervals))
+    blocks.append(_facts(content))
+    rows, parameters = list_at(content, "correlations"), list_at(content, "parameters")
+    known = [i for i in range(min(len(rows), len(parameters))) if number_at(rows, i, i) is not None]
+    if len(known) > 1:
+        names = [text_at(parameters, i, "parameter") for i in known]
+        correlations = np.array([numbers_at(rows[i], *known) for i in known])
+        blocks.append(correlation_picture(names, correlations))
+    blocks += _residuals(content)
+    events = Grid("Lost and spurious events", ["t [s]", "contact", "event"])
+    for key, what in [
+        ("missing", "lost: the machine has an impact there"),
+        ("spurious", "spurious: no impact belongs to it"),
+    ]:
+        for event in list_at(content, key):
+            t = rounded(number_at(event, "t"), 8)
+            events.rows.append([t, count_at(event, "contact"), what])
+    del events.rows[MOST_ROWS:]
+    return Section("Identification", [*blocks, events] if events.rows else blocks)
 
 
 def _unit(parameter: Any) -> str:
@@ -98,27 +93,22 @@ def _parameters(content: dict[str, Any]) -> Grid:
         ["parameter", "scene", "fitted", "sigma", "95 % interval", "change"],
     )
     for of in list_at(content, "parameters"):
-        nominal, value = number_at(of, "nominal"), number_at(of, "value")
-        factor, unit = scale([nominal, value], _unit(of))
-
-        def scaled(number: float | None) -> float | None:
-            return None if number is None else factor * number
-
-        name = text_at(of, "parameter") + (f" [{unit}]" if unit else "")
-        row = [name, rounded(scaled(nominal), 6)]
+        numbers = numbers_at(of, "nominal", "value", "sigma", "low", "high")
+        factor, unit = scale(numbers[:2], _unit(of))
+        nominal, value, sigma, low, high = (factor * number for number in numbers)
+        row = [text_at(of, "parameter") + (f" [{unit}]" if unit else ""), rounded(nominal, 6)]
         grid.rows.append(row)
-        if at(of, "determined") is not True or value is None:
+        if at(of, "determined") is not True or math.isnan(value):
             row += ["not determined", "", "", ""]
             continue
-        sigma, low, high = (scaled(number_at(of, key)) for key in ("sigma", "low", "high"))
-        width = sigma if sigma is not None or low is None or high is None else high - low
-        row.append(rounded_to(scaled(value), width))
-        row.append("at a physical bound" if sigma is None else rounded(sigma, 2))
+        width = high - low if math.isnan(sigma) else sigma
+        row.append(rounded_to(value, width))
+        row.append("at a physical bound" if math.isnan(sigma) else rounded(sigma, 2))
         row.append(f"[{rounded_to(low, width)}, {rounded_to(high, width)}]")
-        if nominal is None:
+        if math.isnan(nominal):
             row.append("")
         elif nominal == 0.0:
-            row.append(rounded(factor * value, 3))
+            row.append(rounded(value, 3))
         else:
             row.append(f"{rounded(100.0 * (value - nominal) / abs(nominal), 3)} %")
     if held := text_at(content, "held"):
@@ -129,38 +119,18 @@ def _parameters(content: dict[str, Any]) -> Grid:
 def _intervals(content: dict[str, Any]) -> list[Interval]:
     intervals = []
     for of in list_at(content, "parameters"):
-        ends = [number_at(of, "range", 0), number_at(of, "range", 1)]
-        numbers = [number_at(of, key) for key in ("nominal", "value", "low", "high")] + ends
-        nominal, value, low, high, least, most = (
-            math.nan if number is None else number for number in numbers
-        )
-        if at(of, "determined") is not True or math.isnan(sum(numbers_of(numbers))):
+        sigma, *numbers = numbers_at(of, "sigma", "nominal", "value", "low", "high")
+        numbers += numbers_at(at(of, "range"), 0, 1)
+        if at(of, "determined") is not True or math.isnan(sum(numbers)):
             continue
-
-        def in_range(x: float) -> float:
-            end = nominal - least if x < nominal else most - nominal
-            return (x - nominal) / max(abs(end), 1e-300)
-
-        sigma = number_at(of, "sigma")
+        nominal, value, low, high, least, most = numbers
+        ends = [max(abs(end - nominal), 1e-300) for end in (least, most)]
+        in_range = [(x - nominal) / ends[x >= nominal] for x in (value, low, high)]
         factor, unit = scale([value], _unit(of))
-        width = factor * (high - low if sigma is None else sigma)
+        width = factor * (high - low if math.isnan(sigma) else sigma)
         text = f"{rounded_to(factor * value, width)} {unit}".rstrip()
-        places = (in_range(value), in_range(low), in_range(high))
-        intervals.append(Interval(text_at(of, "parameter"), text, *places))
+        intervals.append(Interval(text_at(of, "parameter"), text, *in_range))
     return intervals
-
-
-def numbers_of(values: list[float | None]) -> list[float]:
-    """The values with nan for None."""
-    return [math.nan if value is None else value for value in values]
-
-
-def _correlations(content: dict[str, Any]) -> tuple[list[str], Any]:
-    rows, parameters = list_at(content, "correlations"), list_at(content, "parameters")
-    known = [i for i in range(min(len(rows), len(parameters))) if number_at(rows, i, i) is not None]
-    names = [text_at(parameters, i, "parameter") for i in known]
-    values = [numbers_of([number_at(rows, i, k) for k in known]) for i in known]
-    return names, np.array(values, float)
 
 
 def _facts(content: dict[str, Any]) -> Grid:
@@ -207,35 +177,26 @@ def _facts(content: dict[str, Any]) -> Grid:
     return grid
 
 
-def residuals_of(content: dict[str, Any]) -> Residuals:
-    """Residuals of a report of identify; empty in one of an older version."""
+def _residuals(content: dict[str, Any]) -> list[Block]:
+    """Their picture and their test; none in a report of an older version."""
     keys = ("t", "residual", "sigma", "contact")
     rows = []
     for row in zip(*(list_at(content, "residuals", key) for key in keys)):
-        numbers = numbers_of([number_at(list(row), i) for i in range(len(keys))])
-        in_range = numbers[3] in range(1, MOST_CONTACTS + 1)
-        if in_range and math.isfinite(numbers[0] + numbers[1]):
+        numbers = numbers_at(list(row), 0, 1, 2, 3)
+        if numbers[3] in range(1, MOST_CONTACTS + 1) and math.isfinite(numbers[0] + numbers[1]):
             rows.append(numbers)
-    columns = np.array(rows, float).reshape(-1, len(keys)).T
-    return Residuals(columns[0], columns[1], columns[2], columns[3].astype(np.int64))
-
-
-def _add_residuals(content: dict[str, Any], section: Section) -> None:
-    residuals = residuals_of(content)
-    if len(residuals) == 0:
-        return
-    section.blocks.append(
-        residual_picture(
-            residuals,
-            "Measured − fitted time",
-            "s",
-            "Residuals of the event times, with bars of ± 2 sigma of the jitter. Events that the "
-            "fit leaves out are not among them.",
-        )
+    if not rows:
+        return []
+    t, value, sigma, contact = np.array(rows).T
+    residuals = Residuals(t, value, sigma, contact.astype(np.int64))
+    caption = (
+        "Residuals of the event times, with bars of ± 2 sigma of the jitter. Events that the fit "
+        "leaves out are not among them."
     )
+    picture = residual_picture(residuals, "Measured − fitted time", "s", caption)
     test = consistency(residuals.normalized())
     if test is None:
-        return
+        return [picture]
     text = f"{rounded(100.0 * test.within_two, 3)} % of the {test.n} residuals are within 2 sigma. "
     if at(content, "jitter_told") is True:
         text += (
@@ -247,17 +208,4 @@ def _add_residuals(content: dict[str, Any], section: Section) -> None:
         text += (
             "The jitter was estimated from these residuals, so that their size is no test of it."
         )
-    section.blocks.append(text)
-
-
-def _events(content: dict[str, Any]) -> Grid:
-    grid = Grid("Lost and spurious events", ["t [s]", "contact", "event"])
-    for key, what in [
-        ("missing", "lost: the machine has an impact there"),
-        ("spurious", "spurious: no impact belongs to it"),
-    ]:
-        for event in list_at(content, key):
-            t = rounded(number_at(event, "t"), 8)
-            grid.rows.append([t, count_at(event, "contact"), what])
-    del grid.rows[MOST_ROWS:]
-    return grid
+    return [picture, text]

@@ -50,6 +50,12 @@ def number_at(tree: Any, *keys: str | int) -> float | None:
         return None
 
 
+def numbers_at(tree: Any, *keys: str | int) -> list[float]:
+    """The finite numbers at each of some keys; nan for anything else."""
+    numbers = [number_at(tree, key) for key in keys]
+    return [math.nan if number is None else number for number in numbers]
+
+
 def count_at(tree: Any, *keys: str | int) -> str:
     """The whole number >= 0 there, as text; empty for anything else."""
     value = at(tree, *keys)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .content import Grid, Section, count, quantity, rounded, scale
+from .content import Grid, Section, count, facts, quantity, rounded, scale
 from .pictures import record_picture
 
 if TYPE_CHECKING:
@@ -16,67 +16,57 @@ if TYPE_CHECKING:
     from .inputs import Inputs
 
 MOST_LISTED = 8
-TITLE = "Machine and scene"
 
 
 def machine_section(inputs: Inputs) -> Section:
     """What the scene says about the machine, its contacts and the observer's prior."""
+    section = Section("Machine and scene")
     scene = inputs.scene
     if scene is None:
-        return Section(
-            TITLE,
-            [
-                "The compiled part of the Python package is not installed. So this page leaves out "
-                "the rows about the machine, its contacts, its excitation and the prior."
-            ],
+        section.blocks.append(
+            "The compiled part of the Python package is not installed. So this page leaves out "
+            "the rows about the machine, its contacts, its excitation and the prior."
         )
-    grid = Grid(f"Scene {scene.name}", ["quantity", "value"])
-    grid.rows += _machine(scene) + _prior(scene)
-    section = Section(TITLE, [grid, _contacts(scene)])
-    for record in scene.records:
-        section.blocks.append(record_picture(record))
+        return section
+    section.blocks.append(facts(f"Scene {scene.name}", *_machine(scene), *_prior(scene)))
+    section.blocks.append(_contacts(scene))
+    section.blocks += [record_picture(record) for record in scene.records]
     section.blocks += inputs.remarks
     return section
 
 
-def _machine(scene: Scene) -> list[list[str]]:
-    rows: list[list[str]] = []
-    beam = scene.beam
+def _machine(scene: Scene) -> list[tuple[str, str]]:
+    rows = [("machine", "general system M, C, K"), ("coordinates", str(scene.f))]
+    beam, motion = scene.beam, scene.excitation
     if beam is not None:
-        ratios = beam.damping_ratio
-        rows += [
-            ["machine", f"clamped-free Euler-Bernoulli beam, {count(beam.modes, 'mode')}"],
-            ["length", quantity(beam.length, "m", 6)],
-            ["bending stiffness EI", f"{rounded(beam.bending_stiffness, 6)} N m²"],
-            ["mass per length", f"{rounded(beam.mass_per_length, 6)} kg/m"],
-            (
-                ["damping d", f"{rounded(beam.damping, 6)} N s/m²"]
-                if ratios is None
-                else ["damping ratios", _list(ratios)]
-            ),
+        damping, ratios = f"{rounded(beam.damping, 6)} N s/m²", beam.damping_ratio
+        rows = [
+            ("machine", f"clamped-free Euler-Bernoulli beam, {count(beam.modes, 'mode')}"),
+            ("length", quantity(beam.length, "m", 6)),
+            ("bending stiffness EI", f"{rounded(beam.bending_stiffness, 6)} N m²"),
+            ("mass per length", f"{rounded(beam.mass_per_length, 6)} kg/m"),
+            ("damping d", damping) if ratios is None else ("damping ratios", _list(ratios)),
         ]
-    else:
-        rows += [["machine", "general system M, C, K"], ["coordinates", str(scene.f)]]
-    rows.append(["natural frequencies", _frequencies(scene.model)])
-    rows.append(["impact law", scene.model.law.capitalize()])
-    motion = scene.excitation
+    rows += [
+        ("natural frequencies", _frequencies(scene.model)),
+        ("impact law", scene.model.law.capitalize()),
+    ]
     if motion is not None and motion.amplitude != 0.0:
-        rows.append(["motion of the frame e(t)", f"{_harmonic(motion, 'm')}, {_hertz(motion)}"])
+        rows.append(("motion of the frame e(t)", f"{_harmonic(motion, 'm')}, {_hertz(motion)}"))
     for number, force in enumerate(scene.model.forces, start=1):
-        if text := _force(force):
-            rows.append([f"force {number}, times its direction", text])
+        rows.append((f"force {number}, times its direction", _force(force)))
     return rows
 
 
-def _prior(scene: Scene) -> list[list[str]]:
-    rows = [["jitter of event times", quantity(scene.jitter, "s")]]
+def _prior(scene: Scene) -> list[tuple[str, str]]:
+    rows = [("jitter of event times", quantity(scene.jitter, "s"))]
     if scene.uncertainty is not None:
-        rows.append(["uncertainty of the start, as energies", _list(scene.uncertainty)])
+        rows.append(("uncertainty of the start, as energies", _list(scene.uncertainty)))
     if scene.sigma is not None:
-        rows.append(["sigma of the start, q", _list(scene.sigma.q)])
-        rows.append(["sigma of the start, u", _list(scene.sigma.u)])
+        rows.append(("sigma of the start, q", _list(scene.sigma.q)))
+        rows.append(("sigma of the start, u", _list(scene.sigma.u)))
     if scene.drift > 0.0:
-        rows.append(["drift, energy per unit of time", rounded(scene.drift)])
+        rows.append(("drift, energy per unit of time", rounded(scene.drift)))
     tolerance = scene.tolerance
     for name, value, unit in [
         ("event times", tolerance.time, "s"),
@@ -87,34 +77,32 @@ def _prior(scene: Scene) -> list[list[str]]:
         ("clearances", tolerance.clearance, "m"),
     ]:
         if value > 0.0:
-            rows.append([f"tolerance of {name}", quantity(value, unit).rstrip()])
+            rows.append((f"tolerance of {name}", quantity(value, unit).rstrip()))
     parameters = scene.parameters
     if parameters is not None:
         for key, sigma, considered in zip(parameters.keys, parameters.sigma, parameters.consider):
-            text = rounded(sigma) + (", considered only" if considered else "")
-            rows.append([f"sigma of {key}", text])
+            note = ", considered only" if considered else ""
+            rows.append((f"sigma of {key}", rounded(sigma) + note))
     return rows
 
 
 def _contacts(scene: Scene) -> Grid:
     contacts = scene.model.contacts
-    factor, unit = scale([contact.clearance for contact in contacts], "m")
-    grid = Grid("Contacts", ["contact", f"clearance [{unit}]", "restitution", "support"])
-    for number, contact in enumerate(contacts, start=1):
-        grid.rows.append(
-            [
-                str(number),
-                rounded(factor * contact.clearance, 6),
-                rounded(contact.restitution, 6),
-                _support(contact, scene.is_shaken),
-            ]
-        )
-    if scene.positions:
-        factor, unit = scale(scene.positions, "m")
-        grid.head.insert(1, f"position [{unit}]")
-        for row, position in zip(grid.rows, scene.positions):
-            row.insert(1, rounded(factor * position, 6))
-    return grid
+    columns: list[tuple[str, list[str]]] = [
+        ("contact", [str(number) for number in range(1, scene.m + 1)]),
+        ("restitution", [rounded(contact.restitution, 6) for contact in contacts]),
+        ("support", [_support(contact, scene.is_shaken) for contact in contacts]),
+    ]
+    for name, values in [
+        ("clearance", [contact.clearance for contact in contacts]),
+        ("position", scene.positions),
+    ]:
+        if len(values):
+            factor, unit = scale(values, "m")
+            texts = [rounded(factor * value, 6) for value in values]
+            columns.insert(1, (f"{name} [{unit}]", texts))
+    head, texts_of = zip(*columns)
+    return Grid("Contacts", list(head), [list(row) for row in zip(*texts_of)])
 
 
 def _support(contact: Contact, is_shaken: bool) -> str:
@@ -141,9 +129,7 @@ def _hertz(harmonic: Harmonic) -> str:
 
 
 def _force(force: Force) -> str:
-    parts = []
-    if force.constant != 0.0:
-        parts.append(rounded(force.constant, 6))
+    parts = [rounded(force.constant, 6)] if force.constant != 0.0 else []
     if force.harmonic.amplitude != 0.0:
         parts.append(f"{_harmonic(force.harmonic)}, {_hertz(force.harmonic)}")
     if force.recorded:
@@ -156,10 +142,9 @@ def _frequencies(model: Model) -> str:
     inverse = np.linalg.inv(np.linalg.cholesky(model.M))
     squares = np.linalg.eigvalsh(inverse @ model.K @ inverse.T)
     hertz = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * math.pi)
-    listed = [f"{rounded(value)} Hz" for value in hertz[:MOST_LISTED]]
-    return ", ".join(listed) + (", …" if len(hertz) > MOST_LISTED else "")
+    return _list(hertz, 4, " Hz")
 
 
-def _list(values: Sequence[float] | np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> str:
-    listed = [rounded(float(value), 5) for value in values[:MOST_LISTED]]
-    return ", ".join(listed) + (", …" if len(values) > MOST_LISTED else "")
+def _list(values: Iterable[float], digits: int = 5, unit: str = "") -> str:
+    texts = [f"{rounded(float(value), digits)}{unit}" for value in values]
+    return ", ".join(texts if len(texts) <= MOST_LISTED else [*texts[:MOST_LISTED], "…"])

@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .analysis import FEWEST_RESIDUALS, Events, check_predictions, consistency, innovations
-from .content import (
-    MOST_ROWS,
-    Block,
-    Grid,
-    Section,
-    Verdict,
-    count,
-    quantity,
-    rounded,
-)
+from .content import MOST_ROWS, Block, Grid, Section, Verdict, count, facts, quantity, rounded
 from .inputs import at, count_at, list_at, number_at, text_at
 from .pictures import MotionPictures, residual_picture
 
@@ -32,7 +23,7 @@ Span = tuple[float, float]
 def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
     """Whether the filter fits the events, and what is known of the state at the end."""
     failures = number_at(run.report, "confidence", "inconsistencies")
-    if failures is None and run.states is not None:
+    if failures is None:
         failures = _last(run.states, "inconsistencies")
     events = inputs.measured()
     closings = "" if events is None else count(events.closings, "closing")
@@ -57,67 +48,60 @@ def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
     return Verdict(about, f"{first}.", second, "bad")
 
 
-def _last(table: Table, name: str) -> float | None:
+def _last(table: Table | None, name: str) -> float | None:
     """Last value of a column; None if there is none, or if it is nan."""
-    if name not in table.data or not len(table.data):
+    if table is None or name not in table.data or not len(table.data):
         return None
     value = float(table.column(name)[-1])
     return None if math.isnan(value) else value
 
 
-def _bound(run: ObserverRun) -> str:
-    bound = _last(run.states, "B") if run.states is not None else None
-    if bound is None:
-        bound = number_at(run.report, "confidence", "bound", "final")
-    if bound is None or not math.isfinite(bound):
-        return "no bound on the error energy is given"
-    return (
-        f"the error energy of the replica is at most B = {rounded(bound, 3)} J, if the scene "
-        "and its tolerances are right"
-    )
-
-
 def _end(run: ObserverRun) -> str:
     """What is known at the end."""
     states = run.states
-    if states is None or not len(states.data):
+    bound = _last(states, "B")
+    if bound is None:
+        bound = number_at(run.report, "confidence", "bound", "final")
+    known = "no bound on the error energy is given"
+    if bound is not None and math.isfinite(bound):
+        known = (
+            f"the error energy of the replica is at most B = {rounded(bound, 3)} J, if the scene "
+            "and its tolerances are right"
+        )
+    t = _last(states, "t")
+    if states is None or t is None:
         settled = rounded(number_at(run.report, "settled_tick"), 9)
-        return f"At the last settled tick, {settled}, {_bound(run)}."
-    at_end = f"At the end, t = {rounded(_last(states, 't'), 6)} s, "
+        return f"At the last settled tick, {settled}, {known}."
+    at_end = f"At the end, t = {rounded(t, 6)} s, "
     if "from_filter" in states.data and not (_last(states, "from_filter") or 0.0) > 0.5:
         return (
             f"{at_end}the estimate is the replica's, for which no standard deviation is claimed; "
-            f"{_bound(run)}."
+            f"{known}."
         )
     gaps = [name for name in states.data if name[:7] == "sigma_g" and name[7:].isdigit()]
     sigmas = [sigma for name in gaps if (sigma := _last(states, name)) is not None]
     if not sigmas:
-        return f"{at_end}{_bound(run)}."
+        return f"{at_end}{known}."
     if not math.isfinite(max(sigmas)):
         return f"{at_end}no standard deviation is claimed."
     gap = "gaps at most" if len(gaps) > 1 else "gap"
-    return (
-        f"{at_end}the filter gives a standard deviation of {quantity(max(sigmas), 'm', 2)} for the "
-        f"{gap}, and {_bound(run)}."
-    )
+    sigma = quantity(max(sigmas), "m", 2)
+    return f"{at_end}the filter gives a standard deviation of {sigma} for the {gap}, and {known}."
 
 
 def measurement_section(inputs: Inputs) -> Section:
     """Numbers and times of the measured events, and what the observer received."""
-    section = Section("What was measured")
     events = inputs.measured()
     if events is None:
-        section.blocks.append(
-            "The files contain no events: neither an events CSV nor an impacts CSV."
-        )
+        none = "The files contain no events: neither an events CSV nor an impacts CSV."
+        section = Section("What was measured", [none])
     else:
-        section.blocks.append(_extent(events, inputs))
         contacts = int(events.contact.max(initial=0)) if inputs.scene is None else inputs.scene.m
-        section.blocks.append(_counts(events, contacts, inputs.end))
+        blocks: list[Block] = [_extent(events, inputs), _counts(events, contacts, inputs.end)]
+        section = Section("What was measured", blocks)
     for run in inputs.runs():
-        reception = _reception(run)
-        if reception.rows:
-            section.blocks.append(reception)
+        if run.report is not None:
+            section.blocks.append(_reception(run.label, run.report))
     return section
 
 
@@ -133,10 +117,8 @@ def _extent(events: Events, inputs: Inputs) -> str:
     if tables and tables[0].spurious:
         text += f" {count(tables[0].spurious, 'row')} marked as spurious are not counted."
     if events.inserted:
-        text += (
-            f" {count(events.inserted, 'row')} that identify inserted for lost events are not "
-            "counted."
-        )
+        inserted = count(events.inserted, "row")
+        text += f" {inserted} that identify inserted for lost events are not counted."
     inferred = sum(int(count_at(run.report, "made_up_events") or 0) for run in inputs.runs())
     if inferred and not tables:
         text += (
@@ -153,55 +135,37 @@ def _counts(events: Events, contacts: int, end: float) -> Grid:
         own = events.contact == contact
         t, kind = events.t[own], events.kind[own]
         closed, since = 0.0, math.nan
-        for time, what in zip(t, kind):
+        for time, what in [*zip(t, kind), (end, "opens")]:
             if what == "closes":
                 since = time
             elif what == "opens":
-                closed += 0.0 if math.isnan(since) else time - since
+                closed += max(np.nan_to_num(time - since), 0.0)
                 since = math.nan
-        closed += 0.0 if math.isnan(since) else max(end - since, 0.0)
         impacts, closings = (np.count_nonzero(kind == what) for what in ("impact", "closes"))
         ends = [rounded(t[0], 6), rounded(t[-1], 6)] if len(t) else ["", ""]
         grid.rows.append([str(contact), str(impacts), str(closings), rounded(closed), *ends])
     return grid
 
 
-def _reception(run: ObserverRun) -> Grid:
+def _reception(label: str, report: dict[str, Any]) -> Grid:
     """What the observer's report says about the events."""
-    grid = Grid(f"Events of the run {run.label}, by its report", ["quantity", "value"])
-    report = run.report
-    if report is None:
-        return grid
-    skipped = at(report, "skipped")
     causes = ""
-    if isinstance(skipped, dict):
-        numbers = {cause: count_at(skipped, cause) for cause in skipped}
-        causes = ", ".join(f"{n} {cause}" for cause, n in numbers.items() if n not in ("", "0"))
-        causes = causes or "0"
+    if isinstance(skipped := report.get("skipped"), dict):
+        numbers = [f"{count_at(skipped, cause)} {cause}" for cause in skipped]
+        causes = ", ".join(text for text in numbers if text[0] not in " 0") or "0"
     free = number_at(report, "runs_free_from")
-    for name, value in [
+    from_there = "" if free is None else f"{rounded(free, 8)} s"
+    return facts(
+        f"Events of the run {label}, by its report",
         ("events taken", count_at(report, "events")),
         ("events inferred after a gap, not measured", count_at(report, "made_up_events")),
         ("records lost", count_at(report, "lost_records")),
         ("events skipped", causes),
         ("intervals in which events may be missing", str(len(list_at(report, "degraded")))),
-        (
-            "no event after, so that the estimate runs free from there",
-            "" if free is None else f"{rounded(free, 8)} s",
-        ),
+        ("no event after, so that the estimate runs free from there", from_there),
         ("messages received", count_at(report, "messages", "received")),
         ("messages lost", count_at(report, "messages", "lost")),
-    ]:
-        if value:
-            grid.rows.append([name, value])
-    return grid
-
-
-def motion_section(inputs: Inputs, span: Span) -> Section | None:
-    """Gaps, outputs and contacts over time."""
-    if not inputs.of_kind("states"):
-        return None
-    return Section("Motion", [*MotionPictures(inputs, span).of_motion()])
+    )
 
 
 def residuals_section(inputs: Inputs) -> Section | None:
@@ -218,12 +182,9 @@ def _innovations(states: Table, jitter: float) -> list[Block]:
     unit = innovations(states).normalized()
     if len(unit) == 0:
         return []
-    picture = residual_picture(
-        unit,
-        "Innovation / sigma",
-        "",
+    caption = (
         f"Innovations of {states.label}: the gap that the filter predicts at each closing, divided "
-        "by its standard deviation. The states have one closing for each tick.",
+        "by its standard deviation. The states have one closing for each tick."
     )
     test = consistency(unit)
     if math.isnan(jitter):
@@ -234,21 +195,18 @@ def _innovations(states: Table, jitter: float) -> list[Block]:
             "impacts are rounding errors. Whether sigma is right is not tested."
         )
     elif test is None:
-        text = (
-            f"Whether sigma is right is not determined: that takes {FEWEST_RESIDUALS} innovations "
-            "or more."
-        )
+        fewest = f"that takes {FEWEST_RESIDUALS} innovations or more."
+        text = f"Whether sigma is right is not determined: {fewest}"
     else:
         certain = "less" if test.mean_square > test.high else "more"
-        passes = "Sigma passes this test."
         fails = f"Sigma fails this test: the estimate is {certain} certain than it claims."
         text = (
             f"{rounded(100.0 * test.within_two, 3)} % of the {test.n} innovations are within 2 "
             f"sigma. Their mean square is {rounded(test.mean_square, 3)}; if sigma is right it "
             f"lies between {rounded(test.low, 3)} and {rounded(test.high, 3)} in 95 % of all runs. "
-            f"{passes if test.holds else fails}"
+            f"{'Sigma passes this test.' if test.holds else fails}"
         )
-    return [picture, text]
+    return [residual_picture(unit, "Innovation / sigma", "", caption), text]
 
 
 def _predictions(inputs: Inputs) -> list[Block]:
@@ -259,23 +217,16 @@ def _predictions(inputs: Inputs) -> list[Block]:
     blocks: list[Block] = []
     for table in tables:
         assert events is not None
-        jitter = 0.0 if math.isnan(inputs.jitter) else inputs.jitter
-        check = check_predictions(table, events, jitter)
+        check = check_predictions(table, events, float(np.nan_to_num(inputs.jitter)))
         made = check.claimed + check.none + check.open_end
         text = (
             f"Of {count(made, 'prediction')} {check.none} claim no event. Of the {check.claimed} "
             f"whose next event was measured, {len(check.errors)} have the right contact."
         )
         if len(check.errors):
-            blocks.append(
-                residual_picture(
-                    check.errors,
-                    "Measured − predicted time",
-                    "s",
-                    "Next event after each prediction: measured minus predicted time, with bars of "
-                    "± 2 sigma.",
-                )
-            )
+            caption = "Next event after each prediction: measured minus predicted time, with bars "
+            title = "Measured − predicted time"
+            blocks.append(residual_picture(check.errors, title, "s", f"{caption}of ± 2 sigma."))
         if test := consistency(check.errors.normalized()):
             text += (
                 f" {rounded(100.0 * test.within_two, 3)} % of the measured times are within 2 "
@@ -291,59 +242,33 @@ def impacts_section(inputs: Inputs, span: Span) -> Section | None:
     if not tables:
         return None
     section = Section("Impact velocities")
-    columns = ("velocity_before", "velocity_after")
+    columns = ["velocity_before", "velocity_after"]
     with_velocity = [table for table in tables if columns[0] in table.data]
     if any(np.isfinite(table.column(columns[0])).any() for table in with_velocity):
-        section.blocks.append(
-            MotionPictures(inputs, span).of_panels(
-                list(columns),
-                "Gap velocity before and after each event, with bars of ± 2 sigma. An infinite "
-                "sigma has no bar.",
-            )
-        )
+        caption = "Gap velocity before and after each event, with bars of ± 2 sigma. An infinite "
+        pictures = MotionPictures(inputs, span)
+        section.blocks.append(pictures.of_panels(columns, f"{caption}sigma has no bar."))
     else:
         section.blocks.append("The impacts files have no event with a velocity.")
-    for table in tables:
-        speeds = _speeds(table)
-        if speeds.rows:
-            section.blocks.append(speeds)
+    section.blocks += [grid for table in tables if (grid := _speeds(table)).rows]
     return section
 
 
 def _speeds(impacts: Table) -> Grid:
+    head = "contact,kind,events,median speed,largest speed,at t [s],its sigma,largest impulse [N s]"
+    grid = Grid(f"Closings of {impacts.label}, by contact and kind", head.split(","))
     names = ("velocity_before", "sigma_velocity_before", "impulse")
     if any(name not in impacts.data for name in names):
-        return Grid("", [])
+        return grid
     data = impacts.data[np.isfinite(impacts.data["velocity_before"])]
     data = data[data["kind"] != "opens"].assign(speed=lambda rows: rows["velocity_before"].abs())
-    grid = Grid(
-        f"Closings of {impacts.label}, by contact and kind",
-        [
-            "contact",
-            "kind",
-            "events",
-            "median speed",
-            "largest speed",
-            "at t [s]",
-            "its sigma",
-            "largest impulse [N s]",
-        ],
-    )
     for (contact, kind), rows in data.groupby(["contact", "kind"], sort=True):
         fastest = rows.loc[rows["speed"].idxmax()]
         sigma = float(fastest["sigma_velocity_before"])
-        grid.rows.append(
-            [
-                f"{contact:g}",
-                str(kind),
-                str(len(rows)),
-                quantity(rows["speed"].median(), "m/s"),
-                quantity(fastest["speed"], "m/s"),
-                rounded(fastest["t"], 6),
-                quantity(sigma, "m/s", 2) if math.isfinite(sigma) else "none claimed",
-                rounded(rows["impulse"].max()),
-            ]
-        )
+        speeds = [quantity(v, "m/s") for v in (rows["speed"].median(), fastest["speed"])]
+        claimed = quantity(sigma, "m/s", 2) if math.isfinite(sigma) else "none claimed"
+        row = [f"{contact:g}", str(kind), str(len(rows)), *speeds, rounded(fastest["t"], 6)]
+        grid.rows.append([*row, claimed, rounded(rows["impulse"].max())])
     return grid
 
 
@@ -355,14 +280,13 @@ def certainty_section(inputs: Inputs, span: Span) -> Section | None:
     drawn = False
     for table in inputs.tables:
         name = {"energy": "V", "states": "B"}.get(table.kind, "")
-        if name not in table.data:
-            continue
-        t, y = table.column("t"), table.column(name)
-        if not np.isfinite(y).any():
-            continue
-        ends = [_energy(y[i]) if text else rounded(t[i], 6) for i in (0, -1) for text in (1, 0)]
-        grid.rows.append([name, table.label, *ends])
-        drawn |= bool((np.isfinite(y) & (y > 0.0)).any())
+        y = table.column(name) if name in table.data else np.zeros(0)
+        if np.isfinite(y).any():
+            t = table.column("t")
+            texts = [f"{rounded(v)} J" if math.isfinite(v) else "none" for v in y[[0, -1]]]
+            first, last = ([text, rounded(time, 6)] for text, time in zip(texts, t[[0, -1]]))
+            grid.rows.append([name, table.label, *first, *last])
+            drawn |= bool((np.isfinite(y) & (y > 0.0)).any())
     if not grid.rows:
         return None
     if drawn:
@@ -379,10 +303,6 @@ def certainty_section(inputs: Inputs, span: Span) -> Section | None:
     return section
 
 
-def _energy(value: float) -> str:
-    return f"{rounded(value)} J" if math.isfinite(value) else "none"
-
-
 def inconsistencies_section(inputs: Inputs) -> Section | None:
     """Events that failed the filter's gate, and intervals in which events may be missing."""
     section = Section("Inconsistencies")
@@ -390,49 +310,35 @@ def inconsistencies_section(inputs: Inputs) -> Section | None:
     for run in runs:
         section.blocks += _failures(run)
     for run in runs:
-        grid = Grid(
-            f"Intervals of the run {run.label} in which events may be missing",
-            ["from [s]", "to [s]"],
-        )
+        missing = f"Intervals of the run {run.label} in which events may be missing"
+        grid = Grid(missing, ["from [s]", "to [s]"])
         for gap in list_at(run.report, "degraded")[:MOST_ROWS]:
             end = number_at(gap, "to")
-            text = "the end" if end is None else rounded(end, 8)
-            grid.rows.append([rounded(number_at(gap, "from"), 8), text])
-        if grid.rows:
-            section.blocks.append(grid)
+            last = "the end" if end is None else rounded(end, 8)
+            grid.rows.append([rounded(number_at(gap, "from"), 8), last])
+        section.blocks += [grid] if grid.rows else []
     return section if section.blocks else None
 
 
 def _failures(run: ObserverRun) -> list[Block]:
     failures = number_at(run.report, "confidence", "inconsistencies")
-    if failures is None:
-        return []
     listed = list_at(run.report, "confidence", "first_inconsistencies")
-    if not listed:
+    if failures is None or not listed:
         return [f"Run {run.label}: none."] if failures == 0 else []
-    grid = Grid(
-        f"Events of the run {run.label} that failed the filter's gate",
-        ["t [s]", "contact", "suspected", "innovation² / variance", "records lost"],
-    )
+    head = ["t [s]", "contact", "suspected", "innovation² / variance", "records lost"]
+    grid = Grid(f"Events of the run {run.label} that failed the filter's gate", head)
     for one in listed[:MOST_ROWS]:
         square = number_at(one, "square_over_variance")
-        grid.rows.append(
-            [
-                rounded(number_at(one, "t"), 8),
-                count_at(one, "contact"),
-                text_at(one, "suspicion"),
-                "" if square is None else rounded(square, 3),
-                "yes" if at(one, "known_loss") is True else "no",
-            ]
-        )
+        row = [rounded(number_at(one, "t"), 8), count_at(one, "contact"), text_at(one, "suspicion")]
+        row.append("" if square is None else rounded(square, 3))
+        grid.rows.append([*row, "yes" if at(one, "known_loss") is True else "no"])
     blocks: list[Block] = [grid]
     if failures > len(grid.rows):
         blocks.append(f"The first {len(grid.rows)} of {rounded(failures, 9)}.")
     refutations = number_at(run.report, "confidence", "refutations")
     if refutations is not None:
-        blocks.append(
-            f"The bound has refuted the filter's estimate {rounded(refutations, 9)} times."
-        )
+        times = rounded(refutations, 9)
+        blocks.append(f"The bound has refuted the filter's estimate {times} times.")
     return blocks
 
 
@@ -452,20 +358,11 @@ def provenance_section(inputs: Inputs) -> Section:
     for report in inputs.reports:
         files.rows.append([report.file, f"report of {report.program}", "none"])
         version = text_at(report.content, "version") or "not in the report"
-        command = _command(report.program, at(report.content, "command"))
+        words = [shlex.quote(w) for w in list_at(report.content, "command") if isinstance(w, str)]
+        command = " ".join(["sprag", report.program, *words]) if words else "not in the report"
         programs.rows.append([report.program, version, count_at(report.content, "exit"), command])
-    section = Section("Files, versions and command lines", [files])
-    if programs.rows:
-        section.blocks.append(programs)
-    section.blocks.append(
+    blocks: list[Block] = [files, programs] if programs.rows else [files]
+    blocks.append(
         "CSV files have no version and no command line. --report of each program writes both."
     )
-    return section
-
-
-def _command(program: str, words: Any) -> str:
-    if not isinstance(words, list):
-        return "not in the report"
-    return " ".join(
-        ["sprag", program, *(shlex.quote(word) for word in words if isinstance(word, str))]
-    )
+    return Section("Files, versions and command lines", blocks)
