@@ -10,6 +10,7 @@ import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -43,6 +44,7 @@ __all__ = ["draw", "readable_unit", "states"]
 
 Numbers = npt.NDArray[np.float64]
 Span = tuple[float, float]  # from, to [s]
+Rank = Literal["single", "summary", "unasked"]
 
 MOST_SINGLE_PANELS = 4
 MOST_MODES = 3
@@ -62,7 +64,7 @@ class Panel:
     name: str
     draw: Callable[[Axes, Span], None]
     # Of the single ones the first four are shown by default, of the summaries all.
-    rank: Literal["single", "summary", "unasked"] = "single"
+    rank: Rank = "single"
     whole_run: bool = False  # a zoom does not apply
     height: float = 1.0
     named_lines: bool = True  # labels stand beside their lines
@@ -73,17 +75,23 @@ class Panels:
 
     def __init__(self, runs: Sequence[Table], machine: Machine | None = None) -> None:
         self.machine = machine
-        self.states = [table for table in runs if table.kind == "states"]
-        energies = [table for table in runs if table.kind == "energy"]
+        self.states, energies, self.impacts, events = (
+            [table for table in runs if table.kind == kind]
+            for kind in ("states", "energy", "impacts", "events")
+        )
         self.energies = [table for table in energies if (table.column("V") > 0.0).any()]
-        self.impacts = [table for table in runs if table.kind == "impacts"]
-        self.events = [table for table in runs if table.kind == "events"]
+        self.bounds = [t for t in self.states if "B" in t.data and np.isfinite(t.column("B")).any()]
         self.span = _span(runs)
         self.colours = _colours(runs)
         self.closures: dict[int, tables.Closures] = {}
-        for table in self.events:
+        for table in events:
             self.closures.update(tables.closures(table.data, self.span[1]))
-        self.all = [*self._of_states(), *self._of_contacts(), *self._of_energy(), *self._unasked()]
+        self.gaps = [f"g{i + 1}" for i in range(machine.m)] if machine and self.states else []
+        self.all = [*self._of_states(), *self._of_contacts()]
+        if self.energies or self.bounds:
+            self.all.append(Panel("V", self._draw_energy, "summary", whole_run=True))
+        for name in [*(self._coordinates("q") if self.gaps else []), *self._coordinates("u")]:
+            self.all.append(self._quantity(name, name, "", "unasked"))
 
     def chosen(self, show: Sequence[str]) -> list[Panel]:
         """Panels by their names, or those of the default. Raises UsageError for unknown names."""
@@ -122,20 +130,13 @@ class Panels:
     # --- states ---
 
     def _of_states(self) -> list[Panel]:
-        panels = [self._quantity(name, name, self._unit(name)) for name in self._named()]
-        if self.machine is not None and self.states:
-            m = self.machine.m
-            for i in range(m):
-                title = "Gap g" if m == 1 else f"Gap g{i + 1}"
-                panels.append(self._quantity(f"g{i + 1}", title, "m"))
-        else:
+        units = self.machine.output_units if self.machine is not None else {}
+        panels = [self._quantity(name, name, units.get(name, "")) for name in self._named()]
+        for gap in self.gaps:
+            panels.append(self._quantity(gap, f"Gap {gap if len(self.gaps) > 1 else 'g'}", "m"))
+        if not self.gaps:
             panels += [self._quantity(name, name, "") for name in self._coordinates("q")]
         return panels
-
-    def _unasked(self) -> list[Panel]:
-        gaps = self.machine is not None and self.states
-        names = [*(self._coordinates("q") if gaps else []), *self._coordinates("u")]
-        return [self._quantity(name, name, "", "unasked") for name in names]
 
     def _coordinates(self, letter: str) -> list[str]:
         f = max((table.coordinates for table in self.states), default=0)
@@ -153,23 +154,12 @@ class Panels:
                     found[name] = None
         return sorted(found, key=lambda name: "." in name)
 
-    def _unit(self, name: str) -> str:
-        return self.machine.output_units.get(name, "") if self.machine is not None else ""
-
-    def _quantity(
-        self,
-        name: str,
-        title: str,
-        unit: str,
-        rank: Literal["single", "unasked"] = "single",
-    ) -> Panel:
-        return Panel(
-            name, lambda axes, span: self._draw_states(axes, span, name, title, unit), rank
-        )
+    def _quantity(self, name: str, title: str, unit: str, rank: Rank = "single") -> Panel:
+        return Panel(name, partial(self._draw_states, name=name, title=title, unit=unit), rank)
 
     def _values(self, table: Table, name: str) -> Numbers | None:
         """A column of states, or a gap, of shape (rows,)."""
-        if self.machine is None or name not in self._gaps():
+        if self.machine is None or name not in self.gaps:
             return table.column(name) if name in table.data else None
         f = self.machine.f
         if table.coordinates != f:
@@ -180,9 +170,6 @@ class Panels:
         gap: Numbers = self.machine.gaps(table.column("t"), q)[:, int(name[1:]) - 1]
         gap[np.abs(gap) < 1e-13 * _largest([q])] = 0.0  # the rounding of a contact at rest
         return gap
-
-    def _gaps(self) -> list[str]:
-        return [f"g{i + 1}" for i in range(self.machine.m)] if self.machine is not None else []
 
     def _shown(self, name: str) -> list[tuple[Table, Numbers]]:
         values = [(table, self._values(table, name)) for table in self.states]
@@ -201,33 +188,32 @@ class Panels:
         for table, y in curves:
             self._draw_bands(axes, table, name, factor, y)
             self._draw_parts(axes, table, name, factor * y)
-        if name in self._gaps():
+        if name in self.gaps:
             closures = self.closures.get(int(name[1:]))
-            if closures is not None:
-                begins = closures.begins
-                axes.plot(begins, 0.0 * np.array(begins), "k.", ms=3.5, zorder=6, label="_closes")
+            begins = closures.begins if closures is not None else []
+            axes.plot(begins, np.zeros(len(begins)), "k.", ms=3.5, zorder=6, label="_closes")
             axes.axhline(0.0, color=FRAME, lw=0.6, zorder=2, label="_zero")
         visible = [y[(t >= span[0]) & (t <= span[1])] for t, y in self._motions(name)]
         _set_range(axes, [factor * y for y in visible])
 
     def _draw_bands(self, axes: Axes, table: Table, name: str, factor: float, y: Numbers) -> None:
-        t = table.column("t")
-        if f"bound_{name}" in table.data:
-            half = _finite(table.column(f"bound_{name}"))
-            x, low, high = thin(t, factor * (y - half), factor * (y + half))
+        for prefix, width in (("bound_", 1.0), ("sigma_", 2.0)):
+            if prefix + name not in table.data:
+                continue
+            half = width * _finite(table.column(prefix + name))
+            x, low, high = thin(table.column("t"), factor * (y - half), factor * (y + half))
+            if prefix == "sigma_":
+                colour = self.colours[table.label]
+                axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0, zorder=1)
+                continue
             axes.fill_between(x, low, high, color=GUARANTEED, alpha=0.12, lw=0, zorder=0)
-            for edge, label in ((low, "_low"), (high, "guaranteed")):
-                label = label if np.isfinite(edge).any() else "_none"
-                axes.plot(x, edge, color=GUARANTEED, lw=0.6, ls=":", zorder=1, label=label)
-        if f"sigma_{name}" in table.data:
-            half = 2.0 * _finite(table.column(f"sigma_{name}"))
-            x, low, high = thin(t, factor * (y - half), factor * (y + half))
-            colour = self.colours[table.label]
-            axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0, zorder=1)
+            label = "guaranteed" if np.isfinite(high).any() else "_none"
+            for edge, name_of_edge in ((low, "_low"), (high, label)):
+                look = {"color": GUARANTEED, "lw": 0.6, "ls": ":", "zorder": 1}
+                axes.plot(x, edge, label=name_of_edge, **look)
 
     def _draw_parts(self, axes: Axes, table: Table, name: str, y: Numbers) -> None:
         """A curve, dashed inside a support and dotted where the replica stands for the filter."""
-        estimate = table.is_estimate
         never = np.zeros(len(y), bool)
         inside = table.column("penetrating") > 0.5 if "penetrating" in table.data else never
         replica = table.column("from_filter") < 0.5 if "from_filter" in table.data else never
@@ -238,18 +224,12 @@ class Panels:
             (_widened(inside), INSIDE, "inside a support"),
             (_widened(replica), REPLICA, "replica shown"),
         ]
+        width, order = (1.1, 4) if table.is_estimate else (2.0, 3)
+        look = {"color": self.colours[table.label], "lw": width, "zorder": order}
         for part, dashes, label in parts:
             if part.any() or (dashes == OUTSIDE and not len(y)):
                 x, shown = thin(table.column("t"), np.where(part, y, np.nan))
-                axes.plot(
-                    x,
-                    shown,
-                    color=self.colours[table.label],
-                    ls=dashes,
-                    lw=1.1 if estimate else 2.0,
-                    zorder=4 if estimate else 3,
-                    label=label,
-                )
+                axes.plot(x, shown, ls=dashes, label=label, **look)
 
     # --- contacts and impacts ---
 
@@ -264,18 +244,10 @@ class Panels:
             ("velocity_after", "Gap velocity after", "m/s"),
         ]:
             if any(name in t.data and t.data[name].notna().any() for t in self.impacts):
-                panels.append(
-                    Panel(
-                        name,
-                        self._impacts_drawer(name, title, unit),
-                        "summary" if name == "impulse" else "unasked",
-                        named_lines=False,
-                    )
-                )
+                draw = partial(self._draw_impacts, name=name, title=title, unit=unit)
+                rank: Rank = "summary" if name == "impulse" else "unasked"
+                panels.append(Panel(name, draw, rank, named_lines=False))
         return panels
-
-    def _impacts_drawer(self, name: str, title: str, unit: str) -> Callable[[Axes, Span], None]:
-        return lambda axes, span: self._draw_impacts(axes, span, name, title, unit)
 
     def _draw_contacts(self, axes: Axes, span: Span) -> None:
         axes.set_title("Reported contacts")
@@ -299,30 +271,16 @@ class Panels:
             run = f"{_name(table)}, " if len(shown) > 1 else ""
             for contact, of in rows.groupby("contact"):
                 sigma = of.get(f"sigma_{name}", 0.0 * of[name])
-                axes.errorbar(
-                    of["t"],
-                    factor * of[name],
-                    2.0 * factor * sigma.where(np.isfinite(sigma), 0.0),
-                    fmt=MARKERS[int(contact - 1) % len(MARKERS)],
-                    ms=2.5,
-                    lw=0.7,
-                    color=self.colours[table.label],
-                    label=f"{run}contact {contact:g}",
-                )
+                bars = 2.0 * factor * sigma.where(np.isfinite(sigma), 0.0)
+                look = {"color": self.colours[table.label], "ms": 2.5, "lw": 0.7}
+                look |= {"fmt": MARKERS[int(contact - 1) % len(MARKERS)]}
+                label = f"{run}contact {contact:g}"
+                axes.errorbar(of["t"], factor * of[name], bars, label=label, **look)
         _set_range(axes, [factor * rows[name].to_numpy() for _, rows in shown])
         if len(axes.containers) > 1:
             axes.legend(loc="best", ncols=min(4, len(axes.containers)))
 
     # --- error energies ---
-
-    def _of_energy(self) -> list[Panel]:
-        if not (self.energies or self._bounds()):
-            return []
-        return [Panel("V", self._draw_energy, "summary", whole_run=True)]
-
-    def _bounds(self) -> list[Table]:
-        with_bound = [table for table in self.states if "B" in table.data]
-        return [table for table in with_bound if np.isfinite(table.column("B")).any()]
 
     def _draw_energy(self, axes: Axes, span: Span) -> None:
         axes.set_title("Error energy [J]")
@@ -337,10 +295,11 @@ class Panels:
                     label = "_mode"
             label = "V" if len(self.energies) == 1 else f"V, {legible(table.label)}"
             self._draw_decades(axes, table, "V", span, label, 1.6, 1.0)
-        bounds = self._bounds()
-        for table in bounds:
+        for table in self.bounds:
             x, y = thin(table.column("t"), _finite(table.column("B")), pixels=350)
-            label = "B ≥ V, guaranteed" + (f", {legible(table.label)}" if len(bounds) > 1 else "")
+            label = "B ≥ V, guaranteed" + (
+                f", {legible(table.label)}" if len(self.bounds) > 1 else ""
+            )
             axes.plot(x, y, color=self.colours[table.label], ls=(0, (4, 1.5)), label=label)
         rate = self.machine.decay_rate if self.machine is not None else None
         first = self.energies[0].column("V")[0] if self.energies else 0.0
@@ -353,24 +312,17 @@ class Panels:
         logarithmic_ticks(axes.yaxis, *axes.get_ylim())
 
     def _draw_decades(
-        self,
-        axes: Axes,
-        table: Table,
-        name: str,
-        span: Span,
-        label: str,
-        width: float,
-        alpha: float,
+        self, axes: Axes, table: Table, name: str, span: Span, label: str, lw: float, alpha: float
     ) -> None:
         """A curve on a logarithmic axis, as median and band where it is noise."""
         t, y = table.column("t"), table.column(name)
         seen = (t >= span[0]) & (t <= span[1]) & (y > 0.0)
-        if not seen.any():
-            return
-        colour = self.colours[table.label]
-        x, median, low, high = summary(t[seen], y[seen])
-        axes.fill_between(x, low, high, color=colour, alpha=0.35 * alpha, lw=0)
-        axes.plot(x, median, color=colour, lw=width, alpha=alpha, zorder=3 + alpha, label=label)
+        if seen.any():
+            colour = self.colours[table.label]
+            x, median, low, high = summary(t[seen], y[seen])
+            axes.fill_between(x, low, high, color=colour, alpha=0.35 * alpha, lw=0)
+            order = 3 + alpha
+            axes.plot(x, median, color=colour, lw=lw, alpha=alpha, zorder=order, label=label)
 
 
 def _span(runs: Sequence[Table]) -> Span:
@@ -462,46 +414,50 @@ def draw(
         title: in place of the scene's name.
     """
     panels = Panels(runs, None if scene is None else machine_of(scene))
-    span = _within(panels.span, begin, end)
-    return _figure(panels, panels.chosen(show), span, zoom, title)
+    name = panels.machine.name if panels.machine is not None else ""
+    span = within(panels.span, begin, end)
+    return figure_of(panels.chosen(show), span, zoom=zoom, title=title or name)
 
 
-def _within(span: Span, begin: float | None, end: float | None) -> Span:
-    part = max(span[0], span[0] if begin is None else begin), min(
-        span[1], span[1] if end is None else end
+def within(span: Span, begin: float | None, end: float | None) -> Span:
+    """The part of a span from `begin` to `end`. Raises InputError if it is empty."""
+    part = (
+        span[0] if begin is None else max(begin, span[0]),
+        span[1] if end is None else min(end, span[1]),
     )
     if not part[0] < part[1]:
         raise InputError("there is nothing to show in this time")
     return part
 
 
-def _figure(
-    panels: Panels, chosen: Sequence[Panel], span: Span, zoom: Span | None, title: str
+def figure_of(
+    panels: Sequence[Panel],
+    span: Span,
+    *,
+    zoom: Span | None = None,
+    title: str = "",
+    width: float = WIDTH,
 ) -> Figure:
-    beside = [p for p in chosen if p.whole_run and zoom is not None and len(chosen) > 1]
-    stack = [p for p in chosen if p not in beside]
-    columns = [column for column in (beside, stack) if column]
-    heights = [sum(panel.height for panel in column) for column in columns]
-    height = 0.6 + (1.35 if beside else 1.5) * max(heights)
-    name = panels.machine.name if panels.machine is not None else ""
+    """Panels one above the other; with a zoom those of the whole run beside the others."""
+    beside = [p for p in panels if p.whole_run and zoom is not None and len(panels) > 1]
+    columns = [c for c in (beside, [p for p in panels if p not in beside]) if c]
+    heights = [[panel.height for panel in column] for column in columns]
+    height = 0.6 + (1.5 if width == WIDTH and not beside else 1.35) * max(map(sum, heights))
     with style():
-        figure = new_figure(WIDTH, max(2.7, height), title or name)
+        figure = new_figure(width, max(0.375 * width, height), title)
         grid = figure.add_gridspec(1, len(columns))
         axes: list[tuple[Panel, Axes]] = []
         for i, column in enumerate(columns):
-            ratios = [panel.height for panel in column]
-            places = grid[i].subgridspec(len(column), 1, height_ratios=ratios)
+            places = grid[i].subgridspec(len(column), 1, height_ratios=heights[i])
             for row, panel in enumerate(column):
                 ax = figure.add_subplot(places[row])
                 seen = span if panel.whole_run or zoom is None else zoom
                 panel.draw(ax, seen)
                 ax.set_xlim(*seen)
-                ax.locator_params(axis="x", nbins=6 if len(columns) > 1 else 9)
-                if row == len(column) - 1:
-                    ax.set_xlabel("time t [s]")
-                else:
-                    ax.tick_params(labelbottom=False)
+                ax.locator_params(axis="x", nbins=9 if width / len(columns) > 5.0 else 6)
+                ax.tick_params(labelbottom=panel is column[-1])
                 axes.append((panel, ax))
+            ax.set_xlabel("time t [s]")
         figure.canvas.draw()
         for panel, ax in axes:
             if panel.named_lines:
@@ -556,23 +512,22 @@ def _states_table(label: str, run: Any, scene: Any) -> Table:
     q, u = ([f"{letter}{i + 1}" for i in range(f)] for letter in "qu")
     outputs = [] if scene is None else [output.name for output in scene.model.outputs]
     gaps = [] if scene is None else [f"g{i + 1}" for i in range(scene.m)]
+    keys = list(getattr(run, "keys", []))
     add("", q, "q")
     add("", u, "u")
-    if getattr(run, "bound", None) is not None:
-        columns["B"] = run.bound
-    for prefix, ending in (("sigma_", "sigma_"), ("bound_", "bound_")):
-        add(prefix, q, ending + "q")
-        add(prefix, u, ending + "u")
-        add(prefix, gaps, ending + "gap")
-    for attribute, column in (("of_filter", "from_filter"), ("penetrating", "penetrating")):
+    for attribute, column in (
+        ("bound", "B"),
+        ("of_filter", "from_filter"),
+        ("penetrating", "penetrating"),
+    ):
         if getattr(run, attribute, None) is not None:
             columns[column] = np.asarray(getattr(run, attribute), float)
-    keys = list(getattr(run, "keys", []))
+    for prefix in ("sigma_", "bound_"):
+        for names, of in ((q, "q"), (u, "u"), (gaps, "gap"), (outputs, "outputs")):
+            add(prefix, names, prefix + of)
     add("", keys, "parameters")
     add("sigma_", keys, "sigma_parameters")
     add("", outputs, "outputs")
-    add("sigma_", outputs, "sigma_outputs")
-    add("bound_", outputs, "bound_outputs")
     return Table("states", label, pd.DataFrame(columns), Path(label))
 
 
@@ -599,51 +554,24 @@ def main() -> int:
         "and have one colour. With the scene, gaps are shown in place of coordinates. Of a study's "
         "rows: bands over one key, maps over two, bifurcation diagrams and basins.",
     )
-    add = parser.add_argument
-    add(
-        "files",
-        metavar="FILE",
-        nargs="+",
-        type=Labelled,
-        help="[LABEL=]FILE.csv as master_sim --states and --events, observer --states and "
-        "--impacts and sync_logger --csv write it; SCENE.toml. Or rows.csv of a study, or its "
-        "shards",
-    )
+    add, listed = parser.add_argument, {"type": _command.names, "action": "extend", "default": []}
+    files = "[LABEL=]FILE.csv as master_sim --states and --events, observer --states and --impacts "
+    files += "and sync_logger --csv write it; SCENE.toml. Or rows.csv of a study, or its shards"
+    add("files", metavar="FILE", nargs="+", type=Labelled, help=files)
     add("--output", metavar="F", type=Written, required=True, help="the picture: .png, .svg, .pdf")
-    add(
-        "--show",
-        metavar="NAME,...",
-        type=_command.names,
-        action="extend",
-        default=[],
-        help="panels, in this order: names of outputs, keys of parameters, g1, q1, u1, contacts, "
-        "V, ...; of a study: its quantities",
+    panels = (
+        "panels, in this order: names of outputs, keys of parameters, g1, q1, u1, contacts, V, "
     )
-    add(
-        "--over",
-        metavar="KEY,...",
-        type=_command.names,
-        default=[],
-        help="of a study: one or two keys that vary, across and up",
-    )
-    add(
-        "--where",
-        metavar="KEY=VALUE,...",
-        type=_command.names,
-        action="extend",
-        default=[],
-        help="of a study: only rows with the value of KEY next to this one",
-    )
-    add(
-        "--from", dest="begin", metavar="T", type=_command.finite, help="show the time from here on"
-    )
-    add("--to", dest="end", metavar="T", type=_command.finite, help="show the time up to here [s]")
-    add(
-        "--zoom",
-        metavar="FROM:TO",
-        type=_zoom,
-        help="show all but V in this time only, beside it [s]",
-    )
+    add("--show", metavar="NAME,...", help=f"{panels}...; of a study: its quantities", **listed)
+    over = "of a study: one or two keys that vary, across and up"
+    add("--over", metavar="KEY,...", type=_command.names, default=[], help=over)
+    where = "of a study: only rows with the value of KEY next to this one"
+    add("--where", metavar="KEY=VALUE,...", help=where, **listed)
+    begin, end = "show the time from here on [s]", "show the time up to here [s]"
+    add("--from", dest="begin", metavar="T", type=_command.finite, help=begin)
+    add("--to", dest="end", metavar="T", type=_command.finite, help=end)
+    zoom = "show all but V in this time only, beside it [s]"
+    add("--zoom", metavar="FROM:TO", type=_zoom, help=zoom)
     add("--title", metavar="TEXT", default="", help="title, in place of the scene's name")
     return _command.run_program(parser, _run)
 
@@ -670,9 +598,8 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
     else:
         figure, damage = _runs_of_program(options, report)
     for what in damage:
-        print(
-            f"{_command.printable(what)}; the picture shows everything before it", file=sys.stderr
-        )
+        shown = "the picture shows everything before it"
+        print(f"{_command.printable(what)}; {shown}", file=sys.stderr)
         report.setdefault("damage", []).append(what)
     save(figure, options.output)
     return EXIT_FAILED if damage else EXIT_DONE
@@ -689,13 +616,12 @@ def save(figure: Figure, file: str) -> None:
 def _runs_of_program(
     options: argparse.Namespace, report: dict[str, Any]
 ) -> tuple[Figure, list[str]]:
-    scenes = [given for given in options.files if _command.is_scene(given.file)]
-    if len(scenes) > 1:
-        raise UsageError(f"{scenes[1]} is a second scene; a picture is of one machine")
-    machine = read_machine(_command.scene_file(scenes[0].file)) if scenes else None
-    runs = []
+    machine, runs = None, []
     for given in options.files:
-        if given in scenes:
+        if _command.is_scene(given.file):
+            if machine is not None:
+                raise UsageError(f"{given} is a second scene; a picture is of one machine")
+            machine = read_machine(_command.scene_file(given.file))
             continue
         runs.append(tables.read_table(given.file, given.label))
         if runs[-1].kind == "predictions":
@@ -703,7 +629,7 @@ def _runs_of_program(
     if not runs:
         raise UsageError("no CSV file is given")
     panels = Panels(runs, machine)
-    span = _within(panels.span, options.begin, options.end)
+    span = within(panels.span, options.begin, options.end)
     chosen = panels.chosen(options.show)
     zoom = options.zoom
     if zoom is None and options.begin is None and options.end is None:
@@ -718,5 +644,6 @@ def _runs_of_program(
         names = " ".join(map(_command.printable, left_out))
         print(f"not shown: {names}; --show NAME,... chooses", file=sys.stderr)
     report["panels"] = [panel.name for panel in chosen]
-    figure = _figure(panels, chosen, span, zoom, options.title)
+    title = options.title or (machine.name if machine is not None else "")
+    figure = figure_of(chosen, span, zoom=zoom, title=title)
     return figure, [run.damage for run in runs if run.damage]

@@ -76,7 +76,7 @@ class Files(unittest.TestCase):
 
     def figure(self, *runs, of=None, show=(), zoom=None):
         panels = plot.Panels(runs, of)
-        return plot._figure(panels, panels.chosen(show), panels.span, zoom, "")
+        return plot.figure_of(panels.chosen(show), panels.span, zoom=zoom)
 
     def run_plot(self, *arguments, environment=None, folder=None):
         return subprocess.run(
@@ -213,13 +213,13 @@ class RunsTest(Files):
         figure = self.figure(late, of=machine(rate=2.0))
         self.assertEqual(set(lines(figure.axes[0])), {"V"}, "no damping from 0 on")
         panels = plot.Panels([late])
-        plot._figure(panels, panels.chosen([]), (0.0, 0.5), None, "")  # nothing within the span
+        plot.figure_of(panels.chosen([]), (0.0, 0.5))  # nothing within the span
 
     def test_the_rounding_of_a_contact_at_rest_is_no_motion(self):
         rows = "".join(f"{k},{k},3,{-3 + 1e-15 * (-1) ** k},0,0\n" for k in range(1000))
         panels = plot.Panels([self.table("k,t,q1,q2,u1,u2\n" + rows)], machine(f=2))
         self.assertIsNone(panels.zoom(panels.chosen([]), panels.span))
-        figure = plot._figure(panels, panels.chosen([]), panels.span, None, "")
+        figure = plot.figure_of(panels.chosen([]), panels.span)
         self.assertEqual(titles(figure), ["Gap g [m]"])
 
     def test_noise_is_median_and_range(self):
@@ -283,7 +283,7 @@ class RunsTest(Files):
         figure = self.figure(impacts, show=["velocity_before"])
         self.assertEqual(titles(figure), ["Gap velocity before ± 2σ [mm/s]"])
         panels = plot.Panels([impacts])
-        (part,) = plot._figure(panels, panels.chosen([]), (1.5, 2.5), None, "").axes
+        (part,) = plot.figure_of(panels.chosen([]), (1.5, 2.5)).axes
         self.assertEqual(len(part.containers), 1, "only impacts within the span")
         self.assertIsNone(part.get_legend(), "of one contact")
         wide = self.table(

@@ -44,24 +44,19 @@ def events_of(table: Table) -> Events:
     if "closed" not in data:
         kinds = data["kind"].to_numpy(str)
         return Events(table.column("t"), table.column("contact").astype(np.int64), kinds)
-    invented = data["note"].eq("lost").to_numpy() if "note" in data else np.zeros(len(data), bool)
-    rows: list[tuple[float, int, str]] = []
-    last: dict[int, int] = {}  # last row of each contact
-    measured = data[~invented]
-    for t, number, closed in zip(measured["t"], measured["contact"], measured["closed"]):
-        contact = int(number)
+    measured = data[data["note"] != "lost"] if "note" in data else data
+    events: list[tuple[float, int, str]] = []
+    last: dict[float, int] = {}  # last event of each contact
+    for t, contact, closed in zip(measured["t"], measured["contact"], measured["closed"]):
         before = last.get(contact)
-        if closed <= 0.5 and before is not None and rows[before] == (t, contact, "closes"):
-            rows[before] = (t, contact, "impact")
-            continue
-        last[contact] = len(rows)
-        rows.append((t, contact, "closes" if closed > 0.5 else "opens"))
-    return Events(
-        np.array([t for t, _, _ in rows], float),
-        np.array([contact for _, contact, _ in rows], np.int64),
-        np.array([kind for _, _, kind in rows], np.str_),
-        int(np.count_nonzero(invented)),
-    )
+        if closed <= 0.5 and before is not None and events[before] == (t, contact, "closes"):
+            events[before] = (t, contact, "impact")
+        else:
+            last[contact] = len(events)
+            events.append((t, contact, "closes" if closed > 0.5 else "opens"))
+    t, contact, kind = zip(*events) if events else ((), (), ())
+    inserted = len(data) - len(measured)
+    return Events(np.array(t), np.array(contact, np.int64), np.array(kind, np.str_), inserted)
 
 
 @dataclass
@@ -158,16 +153,10 @@ def check_predictions(predictions: Table, events: Events, jitter: float) -> Pred
     claims, following = claims[measured], following[measured]
     same = events.contact[following] == claims["contact"].to_numpy(float)
     same &= (events.kind[following] == "opens") == (claims["kind"] == "opens").to_numpy()
-    right, following = claims[same], following[same]
-    errors = Residuals(
-        events.t[following],
-        events.t[following] - right["t"].to_numpy(float),
-        np.hypot(right["sigma_t"].to_numpy(float), jitter),
-        events.contact[following],
+    t, contact = events.t[following[same]], events.contact[following[same]]
+    predicted, sigma = (claims[name].to_numpy(float)[same] for name in ("t", "sigma_t"))
+    errors = Residuals(t, t - predicted, np.hypot(sigma, jitter), contact)
+    none, others, open_end = (
+        int(np.count_nonzero(of)) for of in (~np.isfinite(first["t"]), ~same, ~measured)
     )
-    return PredictionCheck(
-        errors,
-        int(np.count_nonzero(~np.isfinite(first["t"]))),
-        int(np.count_nonzero(~same)),
-        int(np.count_nonzero(~measured)),
-    )
+    return PredictionCheck(errors, none, others, open_end)

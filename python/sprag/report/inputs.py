@@ -31,11 +31,10 @@ ALLOWED = (
 def at(tree: Any, *keys: str | int) -> Any:
     """The value at a path of keys and indices within JSON; None if there is none."""
     for key in keys:
-        inside = isinstance(tree, dict) and key in tree
-        inside |= isinstance(tree, list) and isinstance(key, int) and key < len(tree)
-        if not inside:
+        try:
+            tree = tree[key]
+        except (TypeError, KeyError, IndexError):
             return None
-        tree = tree[key]
     return tree
 
 
@@ -59,8 +58,7 @@ def numbers_at(tree: Any, *keys: str | int) -> list[float]:
 def count_at(tree: Any, *keys: str | int) -> str:
     """The whole number >= 0 there, as text; empty for anything else."""
     value = at(tree, *keys)
-    is_count = isinstance(value, int) and not isinstance(value, bool) and value >= 0
-    return str(value) if is_count else ""
+    return str(value) if type(value) is int and value >= 0 else ""
 
 
 def text_at(tree: Any, *keys: str | int) -> str:
@@ -183,19 +181,34 @@ def read_inputs(names: Iterable[str | os.PathLike[str]]) -> Inputs:
             continue
         if _is_json(given.file):
             inputs.reports.append(_read_json(given))
-            continue
-        try:
-            inputs.tables.append(read_table(given.file, given.label))
-        except InputError as error:
-            raise InputError(f"{error}; {ALLOWED}") from None
+        else:
+            inputs.tables.append(_read_table(given, inputs.machine))
+    alone = len(inputs.estimates) <= 1
+    labelled = {given.file for given in files if given.label}
     for table in inputs.tables:
-        if table.kind == "study":
-            raise InputError(f"{table.file}: the rows of a study; {ALLOWED}")
-        _check_coordinates(table, inputs.machine)
-    _put_labels(inputs, {given.file for given in files if given.label})
+        if str(table.file) in labelled:
+            continue
+        if table.kind == "states" and not table.is_estimate:
+            table.label = "machine"
+        elif alone and table.kind != "events":
+            table.label = "estimate"
     # Curves of machines are thick, so that those of estimates are drawn over them.
     inputs.tables.sort(key=lambda table: table.kind != "states" or table.is_estimate)
     return inputs
+
+
+def _read_table(given: Labelled, machine: Machine | None) -> Table:
+    try:
+        table = read_table(given.file, given.label)
+    except InputError as error:
+        raise InputError(f"{error}; {ALLOWED}") from None
+    if table.kind == "study":
+        raise InputError(f"{table.file}: the rows of a study; {ALLOWED}")
+    if table.kind == "states" and machine is not None and table.coordinates != machine.f:
+        raise InputError(
+            f"{table.file}: has {table.coordinates} coordinates; the scene has {machine.f}"
+        )
+    return table
 
 
 def _is_json(file: str) -> bool:
@@ -232,21 +245,3 @@ def _read_scene(file: str) -> Inputs:
         scene = read_scene(file)
     texts = [str(remark.message) for remark in remarks]
     return Inputs(file, scene.name, scene, machine_of(scene), texts)
-
-
-def _check_coordinates(table: Table, machine: Machine | None) -> None:
-    if table.kind == "states" and machine is not None and table.coordinates != machine.f:
-        raise InputError(
-            f"{table.file}: has {table.coordinates} coordinates; the scene has {machine.f}"
-        )
-
-
-def _put_labels(inputs: Inputs, labelled: set[Any]) -> None:
-    alone = len(inputs.estimates) <= 1
-    for table in inputs.tables:
-        if str(table.file) in labelled:
-            continue
-        if table.kind == "states" and not table.is_estimate:
-            table.label = "machine"
-        elif alone and table.kind != "events":
-            table.label = "estimate"
