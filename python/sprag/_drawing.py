@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.text import Text
 
 Numbers = npt.NDArray[np.float64]
+Pixels = npt.NDArray[np.int_]  # of shape (n, 2), or one coordinate of shape (n,)
 
 # After Okabe and Ito: colour-blind readers distinguish them, and they differ in brightness.
 RUN_COLOURS = ["#d55e00", "#0072b2", "#009e73", "#8a4b7d", "#b8860b", "#7f7f7f"]
@@ -42,12 +43,9 @@ STYLE = {
     "axes.axisbelow": True,
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.5,
-    "xtick.color": FRAME,
-    "ytick.color": FRAME,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "xtick.major.size": 2.5,
-    "ytick.major.size": 2.5,
+    **{f"{axis}tick.color": FRAME for axis in "xy"},
+    **{f"{axis}tick.major.width": 0.6 for axis in "xy"},
+    **{f"{axis}tick.major.size": 2.5 for axis in "xy"},
     "legend.fontsize": 7,
     "legend.framealpha": 0.85,
     "legend.edgecolor": "none",
@@ -223,7 +221,7 @@ class _Ink:
             covered[pixels[:, 1], pixels[:, 0]] = True
             self.count += covered
 
-    def _pixels(self, axes: Axes, line: Line2D) -> npt.NDArray[np.int_]:
+    def _pixels(self, axes: Axes, line: Line2D) -> Pixels:
         """Pixels of a line, of shape (n, 2)."""
         with np.errstate(all="ignore"):
             xy = line.get_transform().transform(np.asarray(line.get_xydata(), float))
@@ -241,10 +239,10 @@ class _Ink:
             around = [xy.astype(int) + (x, y) for x in reach for y in reach]
             pixels = np.vstack([pixels, *around])
         inside = (pixels >= 0).all(axis=1) & (pixels < (self.width, self.height)).all(axis=1)
-        result: npt.NDArray[np.int_] = pixels[inside]
+        result: Pixels = pixels[inside]
         return result
 
-    def between(self, point: npt.NDArray[np.int_], x: int, y: int, w: int, h: int) -> float:
+    def between(self, point: Pixels, x: int, y: int, w: int, h: int) -> float:
         """Lines that a leader from a point of a curve to a box crosses beyond its beginning."""
         steps = np.linspace(point, np.clip(point, (x, y), (x + w, y + h)), 50)[5:]
         across, up = np.clip(steps.astype(int), 0, (self.width - 1, self.height - 1)).T
@@ -285,23 +283,19 @@ def _name(axes: Axes, line: Line2D, ink: _Ink) -> list[Any]:
     return [text, leader]
 
 
-def _best_place(
-    ink: _Ink, pixels: npt.NDArray[np.int_], w: int, h: int
-) -> tuple[int, int, npt.NDArray[np.int_] | None] | None:
+def _best_place(ink: _Ink, pixels: Pixels, w: int, h: int) -> tuple[int, int, Pixels | None] | None:
     """Lower left corner for a name of w x h pixels, and the point of its line if it is far."""
-    if not len(pixels):
-        return None
     total = ink.sums()
+    points = pixels[:: max(1, len(pixels) // 400)]
 
-    def ink_in(x: Any, y: Any, margin: int) -> Numbers:
+    def ink_in(x: Pixels, y: Pixels, margin: int) -> Numbers:
         x0, x1 = (np.clip(e, 0, ink.width) for e in (x - margin, x + w + margin))
         y0, y1 = (np.clip(e, 0, ink.height) for e in (y - margin, y + h + margin))
         result: Numbers = total[y1, x1] - total[y0, x1] - total[y1, x0] + total[y0, x0]
         return result
 
-    points = pixels[:: max(1, len(pixels) // 400)]
-    best: tuple[float, int, int, int, int] | None = None
-    for distance, across, up in PLACES:
+    best_cost, best = np.inf, None
+    for distance, across, up in PLACES if len(points) else []:
         x = points[:, 0] + int(across * (distance + w / 2) - w / 2)
         y = points[:, 1] + int(up * (distance + h / 2) - h / 2)
         under = ink_in(x, y, 0)
@@ -310,11 +304,9 @@ def _best_place(
         outside = (x < 2) | (y < 1) | (x + w > ink.width) | (y + h > ink.height - 1)
         cost[outside | (under > TOO_MUCH_INK)] = np.inf
         i = int(np.argmin(cost))
-        if distance >= WITH_LEADER and np.isfinite(cost[i]):
+        leads = distance >= WITH_LEADER
+        if leads and np.isfinite(cost[i]):
             cost[i] += INK_UNDER * ink.between(points[i], x[i], y[i], w, h)
-        if np.isfinite(cost[i]) and (best is None or cost[i] < best[0]):
-            best = cost[i], int(x[i]), int(y[i]), i, distance
-    if best is None:
-        return None
-    _, x_best, y_best, i, distance = best
-    return x_best, y_best, points[i] if distance >= WITH_LEADER else None
+        if cost[i] < best_cost:
+            best_cost, best = cost[i], (int(x[i]), int(y[i]), points[i] if leads else None)
+    return best

@@ -442,7 +442,9 @@ def figure_of(
     beside = [p for p in panels if p.whole_run and zoom is not None and len(panels) > 1]
     columns = [c for c in (beside, [p for p in panels if p not in beside]) if c]
     heights = [[panel.height for panel in column] for column in columns]
-    height = 0.6 + (1.5 if width == WIDTH and not beside else 1.35) * max(map(sum, heights))
+    height = 0.6 + (1.5 if width == WIDTH and not beside else 1.35) * max(
+        sum(column) for column in heights
+    )
     with style():
         figure = new_figure(width, max(0.375 * width, height), title)
         grid = figure.add_gridspec(1, len(columns))
@@ -554,7 +556,8 @@ def main() -> int:
         "and have one colour. With the scene, gaps are shown in place of coordinates. Of a study's "
         "rows: bands over one key, maps over two, bifurcation diagrams and basins.",
     )
-    add, listed = parser.add_argument, {"type": _command.names, "action": "extend", "default": []}
+    add = parser.add_argument
+    listed: dict[str, Any] = {"type": _command.names, "action": "extend", "default": []}
     files = "[LABEL=]FILE.csv as master_sim --states and --events, observer --states and --impacts "
     files += "and sync_logger --csv write it; SCENE.toml. Or rows.csv of a study, or its shards"
     add("files", metavar="FILE", nargs="+", type=Labelled, help=files)

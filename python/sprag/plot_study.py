@@ -8,7 +8,6 @@ start in the colour of its attractor.
 from __future__ import annotations
 
 import argparse
-import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._command import UsageError, same_file
-from ._drawing import (
-    WIDTH,
-    legible,
-    logarithmic_ticks,
-    name_lines,
-    new_figure,
-    style,
-)
+from ._drawing import WIDTH, legible, logarithmic_ticks, name_lines, new_figure, style
 from ._errors import InputError
 from .tables import Study, is_study, manifest_of, read_study_rows
 
@@ -88,42 +80,34 @@ def attractors(periods: Numbers, q: Numbers, u: Numbers, tolerance: float = 1e-3
     same = [max(tolerance * size, 1e-9 * max(largest)) for size in largest]
     limits = np.concatenate([np.full(q.shape[1], same[0]), np.full(u.shape[1], same[1])])
     points = np.hstack([q, u])
-    order = found[np.lexsort([*points[found].T[::-1], periods[found]])]
+    # By these ranks, differences within the tolerance do not determine the order.
+    ranks = np.column_stack([_ranks(x, limit) for x, limit in zip(points.T, limits)])
     firsts: list[int] = []
-    for i in order:
-        for k, first in enumerate(firsts):
+    for i in found[np.lexsort([*ranks[found].T[::-1], periods[found]])]:
+        for k, first in enumerate(firsts, start=1):
             near = np.all(np.abs(points[i] - points[first]) <= limits)
             if near and periods[i] == periods[first]:
                 labels[i] = k
                 break
         else:
-            labels[i] = len(firsts)
             firsts.append(i)
-
-    def compare(a: int, b: int) -> int:
-        """Differences within the tolerance do not determine the order."""
-        if periods[firsts[a]] != periods[firsts[b]]:
-            return int(np.sign(periods[firsts[a]] - periods[firsts[b]]))
-        difference = points[firsts[a]] - points[firsts[b]]
-        beyond = np.flatnonzero(np.abs(difference) > limits)
-        return int(np.sign(difference[beyond[0]])) if len(beyond) else 0
-
-    ranks = sorted(range(len(firsts)), key=functools.cmp_to_key(compare))
-    number = np.empty(len(firsts), int)
-    number[ranks] = np.arange(1, len(firsts) + 1)
-    labels[order] = number[labels[order]]
+            labels[i] = len(firsts)
     return labels
+
+
+def _ranks(values: Numbers, limit: float) -> Labels:
+    """Number of each value's group; groups of ascending values are more than `limit` apart."""
+    order = np.argsort(values)
+    ranks = np.zeros(len(values), int)
+    ranks[order[1:]] = np.cumsum(np.diff(values[order]) > limit)
+    return ranks
 
 
 class _Picture:
     """What to show of a study: rows, the keys they are shown over, quantities."""
 
     def __init__(
-        self,
-        study: Study,
-        over: Sequence[str],
-        where: Mapping[str, float],
-        show: Sequence[str],
+        self, study: Study, over: Sequence[str], where: Mapping[str, float], show: Sequence[str]
     ) -> None:
         self.rows = study.rows
         self.varied = study.axes
@@ -148,9 +132,8 @@ class _Picture:
         # A key that `where` fixes does not vary.
         keys = list(over) or [key for key in self.varied if len(self._values(key)) > 1]
         if not keys and not self.varied:
-            raise UsageError(
-                "without its manifest the varied keys of the study are unknown; give --over KEY"
-            )
+            unknown = "without its manifest the varied keys of the study are unknown"
+            raise UsageError(f"{unknown}; give --over KEY")
         if len(keys) not in (1, 2):
             raise UsageError(
                 f"the study varies {', '.join(keys) or 'nothing'}; --over chooses one or two of "
@@ -171,9 +154,8 @@ class _Picture:
         every = list(dict.fromkeys(_quantity_of(column) for column in recorded))
         for name in show:
             if name not in every and (name not in self.rows or name == "failure"):
-                raise UsageError(
-                    f"{name} is nothing that the study has recorded; there are {', '.join(every)}"
-                )
+                problem = f"{name} is nothing that the study has recorded"
+                raise UsageError(f"{problem}; there are {', '.join(every)}")
         if show:
             return list(show)
         if len(self.keys) == 2:
@@ -194,9 +176,7 @@ class _Picture:
         return "n" in self.rows and name[:1] in ("q", "u") and name[1:].isdigit()
 
     def figure(self, title: str) -> Figure:
-        if len(self.keys) == 1:
-            return self._lines(title)
-        return self._maps(title)
+        return self._lines(title) if len(self.keys) == 1 else self._maps(title)
 
     # --- over one key ---
 
@@ -236,23 +216,17 @@ class _Picture:
             runs = known[np.isfinite(known[self.keys[0]])].groupby(self.keys[0])[column]
             values = [np.sort(of_key.to_numpy()) for _, of_key in runs]
             x = np.array([key for key, _ in runs])
-            low, median, high = (
-                np.array([_quantile(v, p) for v in values]) for p in (0.05, 0.5, 0.95)
-            )
+            quantiles = np.array([[_quantile(v, p) for p in (0.05, 0.5, 0.95)] for v in values])
+            low, median, high = quantiles.reshape(-1, 3).T
             if not np.isfinite(median).any():
                 continue
             estimator = column.partition(".")[0]
-            colour = ESTIMATORS.get(estimator, "black")
+            look: dict[str, Any] = {"color": ESTIMATORS.get(estimator, "black"), "ms": 2}
             if max(map(len, values)) > 1:
-                axes.fill_between(x, low, high, color=colour, alpha=0.18, lw=0)
-            axes.plot(
-                x,
-                np.where(np.isfinite(median), median, np.nan),
-                color=colour,
-                marker="o" if len(x) <= MOST_POINTS_WITH_MARKERS else "",
-                ms=2,
-                label=estimator if estimator in ESTIMATORS else "_only",
-            )
+                axes.fill_between(x, low, high, color=look["color"], alpha=0.18, lw=0)
+            look["marker"] = "o" if len(x) <= MOST_POINTS_WITH_MARKERS else ""
+            look["label"] = estimator if estimator in ESTIMATORS else "_only"
+            axes.plot(x, np.where(np.isfinite(median), median, np.nan), **look)
             shown += values
         if _is_wide(np.concatenate(shown)):
             axes.set_yscale("log")
@@ -393,14 +367,10 @@ def _by_factors(values: Numbers) -> bool:
 
 
 def _set_scale(axis: Any, values: Numbers) -> None:
-    if not _by_factors(values):
-        return
-    if axis.axis_name == "x":
-        axis.axes.set_xscale("log")
-    else:
-        axis.axes.set_yscale("log")
-    edges = _edges(values)
-    logarithmic_ticks(axis, edges[0], edges[-1])
+    if _by_factors(values):
+        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+        edges = _edges(values)
+        logarithmic_ticks(axis, edges[0], edges[-1])
 
 
 def _edges(values: Numbers) -> Numbers:
@@ -422,21 +392,15 @@ def study_of_program(
     """The picture and the damage of the files that the command line of ``plot`` names."""
     for given in options.files:
         if not is_study(given.file):
-            raise UsageError(
-                f"{given} holds no rows of a study; a picture is of a study or of runs"
-            )
+            none = f"{given} holds no rows of a study"
+            raise UsageError(f"{none}; a picture is of a study or of runs")
         for option, written in (("--output", options.output), ("--report", options.report)):
             manifest = manifest_of(given.file)
             if written and manifest.exists() and same_file(manifest, written):
                 raise UsageError(f"the manifest of FILE and {option} are the same file, {written}")
     study = read_study_rows([given.file for given in options.files])
-    figure = draw(
-        study,
-        over=options.over,
-        where=dict(map(_key_and_value, options.where)),
-        show=options.show,
-        title=options.title,
-    )
+    where = dict(map(_key_and_value, options.where))
+    figure = draw(study, over=options.over, where=where, show=options.show, title=options.title)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     report["panels"] = [title for title in titles if title]
     return figure, study.damage

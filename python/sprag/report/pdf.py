@@ -34,9 +34,8 @@ def _by_weasyprint(page: str) -> bytes:
         raise ValueError(f"the page must load nothing, not {url}")
 
     weasyprint: Any = require("weasyprint", "weasyprint", "a PDF")
-    pdf: bytes = weasyprint.HTML(
-        string=page, base_url="file:///report.html", url_fetcher=refuse
-    ).write_pdf()
+    html = weasyprint.HTML(string=page, base_url="file:///report.html", url_fetcher=refuse)
+    pdf: bytes = html.write_pdf()
     return pdf
 
 
@@ -45,31 +44,17 @@ def _by_chromium(chromium: str, page: str) -> bytes:
     with tempfile.TemporaryDirectory(prefix="sprag_report_") as name:
         folder = Path(name)
         html, pdf = folder / "report.html", folder / "report.pdf"
-        html.write_text(page, encoding="utf-8")
-        command = [
-            chromium,
-            "--headless",
-            "--disable-gpu",
-            "--disable-dev-shm-usage",
-            "--no-first-run",
-            "--disable-extensions",
-            f"--user-data-dir={folder / 'profile'}",
-            "--no-pdf-header-footer",
-            "--print-to-pdf-no-header",
-            f"--print-to-pdf={pdf}",
-            html.as_uri(),
-        ]
+        html.write_text(page, encoding="utf-8", errors="backslashreplace")
+        options = "--headless --disable-gpu --disable-dev-shm-usage --no-first-run "
+        options += "--disable-extensions --no-pdf-header-footer --print-to-pdf-no-header"
         if os.geteuid() == 0:  # its sandbox does not run as root; the page has no script
-            command.insert(1, "--no-sandbox")
+            options += " --no-sandbox"
+        own = [f"--user-data-dir={folder / 'profile'}", f"--print-to-pdf={pdf}", html.as_uri()]
         failed = "chromium has failed to convert the report to PDF"
         try:
-            done = subprocess.run(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                timeout=LONGEST,
-            )
+            quiet = subprocess.DEVNULL
+            streams: dict[str, Any] = {"stdin": quiet, "stdout": quiet, "stderr": quiet}
+            done = subprocess.run([chromium, *options.split(), *own], timeout=LONGEST, **streams)
             if done.returncode == 0 and pdf.exists():
                 return pdf.read_bytes()
         except subprocess.TimeoutExpired:

@@ -71,7 +71,7 @@ def residual_picture(residuals: Residuals, title: str, unit: str, caption: str) 
         if not unit:
             axes.axhspan(-2.0, 2.0, color=BLUE, alpha=0.1, linewidth=0.0)
         contacts = np.unique(residuals.contact)
-        look = {"markersize": 2.5, "linewidth": 0.7}
+        look: dict[str, Any] = {"markersize": 2.5, "linewidth": 0.7}
         for i, contact in enumerate(contacts):
             of = residuals.contact == contact
             t, y = residuals.t[of], factor * residuals.value[of]
@@ -138,7 +138,8 @@ def correlation_picture(names: list[str], values: npt.NDArray[np.float64]) -> Pi
         axes.set(aspect="equal", ylim=(n - 0.5, -0.5))
         axes.set_xticks(range(n), [str(i + 1) for i in range(n)])
         axes.set_yticks(range(n), [f"{_cut(name)}  {i + 1}" for i, name in enumerate(names)])
-        for (row, column), value in np.ndenumerate(values) if n <= MOST_WRITTEN else []:
+        written = list(np.ndenumerate(values)) if n <= MOST_WRITTEN else []
+        for (row, column), value in written:
             colour = "white" if abs(value) > 0.6 else "black"
             text = f"{value:.2f}" if np.isfinite(value) else ""
             axes.text(column, row, text, ha="center", va="center", fontsize=6, color=colour)

@@ -85,8 +85,8 @@ def _end(run: ObserverRun) -> str:
     if not math.isfinite(max(sigmas)):
         return f"{at_end}no standard deviation is claimed."
     gap = "gaps at most" if len(gaps) > 1 else "gap"
-    sigma = quantity(max(sigmas), "m", 2)
-    return f"{at_end}the filter gives a standard deviation of {sigma} for the {gap}, and {known}."
+    largest = quantity(max(sigmas), "m", 2)
+    return f"{at_end}the filter gives a standard deviation of {largest} for the {gap}, and {known}."
 
 
 def measurement_section(inputs: Inputs) -> Section:
