@@ -35,6 +35,7 @@ ESTIMATORS = {  # prefixes of columns, and their colours
     "both": "#0072b2",
     "adaptive": "#009e73",
 }
+UNITS = {"V_floor": "J", "rate": "1/s", "time_below": "s", "lyapunov": "1/s"}
 NO_QUANTITIES = ("index", "point", "run", "n", "failure")
 ATTRACTOR_COLOURS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#000000"]
 NONE_FOUND = "#e8e8e8"
@@ -187,7 +188,7 @@ class _Picture:
         figure = new_figure(0.75 * WIDTH, 0.6 + 1.9 * len(shown), title)
         panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, name in zip(panels, shown):
-            axes.set_title(legible(name))
+            axes.set_title(_title(name))
             if self._of_stroboscope(name):
                 x, y = self.rows[self.keys[0]], self.rows[name]
                 axes.plot(x, y, ".", ms=1.2, mew=0, color="black", rasterized=True, label="_points")
@@ -247,7 +248,7 @@ class _Picture:
         for axes in panels.flat[len(columns) :]:
             axes.remove()
         for axes, (quantity, column) in zip(panels.flat, columns):
-            axes.set_title(legible(column))
+            axes.set_title(_title(column))
             axes.grid(False)
             if quantity == "attractor":
                 self._basin(axes)
@@ -342,6 +343,11 @@ def _quantity_of(column: str) -> str:
     return rest if head in ESTIMATORS and rest else column
 
 
+def _title(column: str) -> str:
+    unit = UNITS.get(_quantity_of(column))
+    return legible(f"{column} [{unit}]" if unit else column)
+
+
 def _quantile(ascending: Numbers, p: float) -> float:
     place = p * (len(ascending) - 1)
     below = int(place)
@@ -401,7 +407,7 @@ def study_of_program(
     study = read_study_rows([given.file for given in options.files])
     where = dict(map(_key_and_value, options.where))
     figure = draw(study, over=options.over, where=where, show=options.show, title=options.title)
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    titles = [axes.get_title(loc="left").partition(" [")[0] for axes in figure.axes]
     report["panels"] = [title for title in titles if title]
     return figure, study.damage
 

@@ -458,7 +458,7 @@ class StudyTest(Files):
         rows = [(j, j * (r + 1), 5.0, nan) for j in jitters for r in range(21)]
         columns = ["replica.V_floor", "both.V_floor", "both.rate"]
         figure = self.draw(self.study(["events.jitter"], columns, rows))
-        self.assertEqual(titles(figure), ["V_floor"], "rate is nowhere known")
+        self.assertEqual(titles(figure), ["V_floor [J]"], "rate is nowhere known")
         axes = figure.axes[0]
         self.assertEqual((axes.get_xscale(), axes.get_yscale()), ("log", "log"))
         drawn = lines(axes)
@@ -473,7 +473,7 @@ class StudyTest(Files):
         rows = [(2.0 + k, n, -k, 0.1 * n, 7.0) for k in range(3) for n in range(1, 5)]
         columns = ["n", "lyapunov", "q1", "u1"]
         figure = self.draw(self.study(["force.1.frequency"], columns, rows))
-        self.assertEqual(titles(figure), ["q1", "lyapunov"])
+        self.assertEqual(titles(figure), ["q1", "lyapunov [1/s]"])
         points, medians = (axes.lines[0] for axes in figure.axes)
         self.assertEqual(len(points.get_ydata()), 12)
         self.assertEqual(medians.get_ydata().tolist(), [0.0, -1.0, -2.0])
@@ -488,7 +488,7 @@ class StudyTest(Files):
         ]
         file = self.study(["x", "y"], ["replica.rate", "both.rate"], rows)
         figure = self.draw(file)
-        self.assertEqual(titles(figure)[:2], ["replica.rate", "both.rate"])
+        self.assertEqual(titles(figure)[:2], ["replica.rate [1/s]", "both.rate [1/s]"])
         mesh = figure.axes[0].collections[0]
         self.assertEqual(mesh.get_array().reshape(2, 3).tolist(), [[0, -1, -3], [2, 3, 5]])
         limits = [axes.collections[0].get_clim() for axes in figure.axes[:2]]
