@@ -4,6 +4,8 @@
 // afterwards.
 #pragma once
 
+#include <cstddef>
+
 namespace sprag::test {
 
 /// Counts every allocation of this thread from its construction to stop() or its destruction.
@@ -17,6 +19,9 @@ class CountAllocations {
 
   /// Ends counting and returns the count.
   long stop();
+
+  /// Size of the largest allocation [bytes].
+  std::size_t largest() const;
 };
 
 /// The allocations of one call.

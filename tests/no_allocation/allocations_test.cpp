@@ -50,6 +50,16 @@ TEST(CountAllocations, CountsEveryAllocationFunction) {
   ::operator delete(seen);
 }
 
+TEST(CountAllocations, NotesTheLargest) {
+  CountAllocations counting;
+  for (const std::size_t size : {100, 3000, 20}) {
+    seen = std::malloc(size);
+    std::free(seen);
+  }
+  counting.stop();
+  EXPECT_EQ(counting.largest(), 3000U);
+}
+
 TEST(CountAllocations, CountsEigenTemporaries) {
   const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(50, 50);
   Eigen::VectorXd x = Eigen::VectorXd::Ones(50);
