@@ -12,6 +12,8 @@ if(SPRAG_HAS_LCM)
   # In a subfolder of include/sprag, since every LCM project has a folder of this name.
   install(DIRECTORY lcmtypes DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/sprag COMPONENT development
           FILES_MATCHING PATTERN "*.h")
+  install(DIRECTORY ${PROJECT_BINARY_DIR}/lcmtypes/generated/sprag
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development)
   install(EXPORT sprag-lcm-targets NAMESPACE sprag:: DESTINATION ${package} COMPONENT development)
   file(GLOB types ${PROJECT_SOURCE_DIR}/lcmtypes/*.lcm)
   install(FILES ${types} DESTINATION ${CMAKE_INSTALL_DATADIR}/sprag/lcmtypes COMPONENT runtime)

@@ -8,7 +8,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/events/message_builder.h"
 
 namespace sprag {
@@ -46,11 +46,9 @@ class ContactLog {
   void send(std::span<const ContactEvent> events, double horizon) {
     builder_.add(events);
     do {
-      EncodedContacts message;
-      encode(builder_.next(horizon, utime_of(horizon)), message);
-      data_.assign(message.begin(), message.end());
+      encode(builder_.next(horizon, utime_of(horizon)), data_);
       if (key_) {
-        const Key::Tag tag = key_->tag(contacts_channel, message);
+        const Key::Tag tag = key_->tag(contacts_channel, data_);
         data_.insert(data_.end(), tag.begin(), tag.end());
       }
       log_.write(utime_of(horizon), contacts_channel, data_);

@@ -21,8 +21,8 @@ ContactSender::ContactSender(Bus& bus, int contacts, double speed)
 
 void ContactSender::send(double horizon) {
   do {
-    encode(builder_.next(horizon, wall_clock_us()), bytes_);
-    if (!bus_.publish(contacts_channel, bytes_)) ++unsent_;
+    const auto message = encode(builder_.next(horizon, wall_clock_us()), buffer_);
+    if (!bus_.publish(contacts_channel, message)) ++unsent_;
   } while (builder_.pending());
   next_ = Clock::now() + heartbeat;
 }

@@ -5,9 +5,10 @@
 #include <chrono>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/events/message_builder.h"
 
 namespace sprag {
@@ -43,7 +44,7 @@ class ContactSender {
  private:
   Bus& bus_;
   MessageBuilder builder_;
-  EncodedContacts bytes_{};
+  std::vector<std::uint8_t> buffer_;
   std::int64_t unsent_ = 0;
   Clock::time_point next_ = Clock::time_point::min();
 };

@@ -10,16 +10,16 @@ EstimateListener::EstimateListener(EstimateChannel channel, const std::string& u
     : bus_(url, key) {
   const char* name = channel == EstimateChannel::now ? estimate_channel : settled_channel;
   bus_.subscribe(name, [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-    EstimateSample sample;
-    if (decode(data, sample) == Refusal::none) {
-      received_.push_back(std::move(sample));
+    estimate_t estimate{};
+    if (decode(data, estimate) == Refusal::none) {
+      received_.push_back(std::move(estimate));
     } else {
       ++refused_;
     }
   });
 }
 
-std::optional<EstimateSample> EstimateListener::next(std::chrono::milliseconds timeout) {
+std::optional<estimate_t> EstimateListener::next(std::chrono::milliseconds timeout) {
   using Clock = std::chrono::steady_clock;
   const auto end = Clock::now() + timeout;
   while (received_.empty()) {
@@ -29,9 +29,9 @@ std::optional<EstimateSample> EstimateListener::next(std::chrono::milliseconds t
       return std::nullopt;
     }
   }
-  std::optional<EstimateSample> sample(std::move(received_.front()));
+  std::optional<estimate_t> estimate(std::move(received_.front()));
   received_.pop_front();
-  return sample;
+  return estimate;
 }
 
 }  // namespace sprag

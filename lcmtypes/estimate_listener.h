@@ -9,7 +9,7 @@
 #include <string>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 
 namespace sprag {
 
@@ -25,14 +25,14 @@ class EstimateListener {
 
   /// The next estimate of any observer on the channel; waits for it up to `timeout`. Throws
   /// BusError.
-  std::optional<EstimateSample> next(std::chrono::milliseconds timeout);
+  std::optional<estimate_t> next(std::chrono::milliseconds timeout);
 
   /// Number of messages that were malformed or not signed with the key.
   std::int64_t refused() const { return refused_ + bus_.counts().unauthenticated; }
 
  private:
   Bus bus_;
-  std::deque<EstimateSample> received_;
+  std::deque<estimate_t> received_;
   std::int64_t refused_ = 0;
 };
 

@@ -1,6 +1,7 @@
 #include "lcmtypes/input_sender.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "lcmtypes/wall_clock.h"
 
@@ -10,6 +11,7 @@ InputSender::InputSender(Bus& bus, double t0, double dt, std::int64_t session) :
   message_.session = session;
   message_.t0 = t0;
   message_.dt = dt;
+  message_.channels = 1;
 }
 
 void InputSender::add(std::int64_t k, double value) {
@@ -17,13 +19,13 @@ void InputSender::add(std::int64_t k, double value) {
     if (pending()) send();
     message_.total = k;
     message_.n = 0;
+    std::ranges::fill(message_.value, 0.0);
   }
-  auto& values = message_.value;
   if (message_.n == max_input_values) {
-    std::shift_left(values.begin(), values.end(), 1);
+    std::shift_left(std::begin(message_.value), std::end(message_.value), 1);
     --message_.n;
   }
-  values[static_cast<std::size_t>(message_.n++)] = value;
+  message_.value[message_.n++] = value;
   ++message_.total;
   if (++new_ == most_new) send();
 }
@@ -32,8 +34,7 @@ void InputSender::send() {
   if (message_.n == 0) return;
   message_.utime = wall_clock_us();
   ++message_.sequence;
-  encode(message_, bytes_);
-  if (!bus_.publish(input_channel, bytes_)) ++unsent_;
+  if (!bus_.publish(input_channel, encode(message_, buffer_))) ++unsent_;
   new_ = 0;
 }
 

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/messages.h"
+#include "sprag/detail/events/input_message.h"
 
 namespace sprag {
 
@@ -34,8 +36,8 @@ class InputSender {
 
  private:
   Bus& bus_;
-  InputMessage message_;
-  EncodedInput bytes_{};
+  input_t message_{};
+  std::vector<std::uint8_t> buffer_;
   int new_ = 0;  // samples at the end of the message that are not sent
   std::int64_t unsent_ = 0;
 };

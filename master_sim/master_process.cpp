@@ -13,7 +13,7 @@
 #include "command_line/scene_inputs.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/contact_sender.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "lcmtypes/wall_clock.h"
 #include "master_sim/record_sender.h"
 #include "sprag/detail/files/confidence_columns.h"
@@ -62,7 +62,7 @@ class MasterProcess {
       bus_.emplace(common.url, key_of(common));
       sender_.emplace(*bus_, static_cast<int>(scene.model.contacts.size()),
                       scene.clock.rate * options.speed);
-      sample_.session = sender_->session();
+      state_.session = sender_->session();
       if (options.publish_input) {
         record_sender_.emplace(*bus_, record_of(scene), sender_->session());
       }
@@ -78,8 +78,9 @@ class MasterProcess {
       outputs_ = scene.model.outputs;
       output_values_.resize(outputs_.size());
     }
-    sample_.q.setZero(scene.model.coordinates());
-    sample_.u.setZero(scene.model.coordinates());
+    state_.f = static_cast<std::int32_t>(scene.model.coordinates());
+    state_.q.resize(static_cast<std::size_t>(state_.f));
+    state_.u.resize(static_cast<std::size_t>(state_.f));
   }
 
   /// Runs to the end or to a signal, which may interrupt a computation, then sends the final
@@ -102,7 +103,7 @@ class MasterProcess {
     report["flow_path"] = name(master_.flows()[0].path());
     report["expansions"] = master_.expansions();
     report["ticks"] = next_tick_;
-    report["session"] = sample_.session;
+    report["session"] = state_.session;
     report["messages"] = sender_ ? sender_->messages() : 0;
     report["unsent"] = (sender_ ? sender_->unsent() : 0) + unsent_states_ +
                        (record_sender_ ? record_sender_->unsent() : 0);
@@ -209,19 +210,20 @@ class MasterProcess {
   }
 
   void write_state(Instant t) {
-    master_.state(t, sample_.q, sample_.u);
+    Eigen::Map<Eigen::VectorXd> q(state_.q.data(), state_.f), u(state_.u.data(), state_.f);
+    master_.state(t, q, u);
     if (states_file_) {
       for (std::size_t i = 0; i < outputs_.size(); ++i) {
-        output_values_[i] = value(outputs_[i], sample_.q, sample_.u);
+        output_values_[i] = value(outputs_[i], q, u);
       }
-      states_file_->write(next_tick_, t.hi, sample_.q, sample_.u, output_values_);
+      states_file_->write(next_tick_, t.hi, q, u, output_values_);
     }
     if (!bus_ || !options_.truth) return;
-    sample_.utime = wall_clock_us();
-    sample_.tick = next_tick_;
-    sample_.t = t.hi;
-    sample_.closed = master_.closed();
-    if (!bus_->publish(truth_channel, encode(sample_, buffer_))) ++unsent_states_;
+    state_.utime = wall_clock_us();
+    state_.tick = next_tick_;
+    state_.t = t.hi;
+    state_.closed = static_cast<std::int64_t>(master_.closed());
+    if (!bus_->publish(truth_channel, encode(state_, buffer_))) ++unsent_states_;
   }
 
   void say_goodbye() {
@@ -232,7 +234,7 @@ class MasterProcess {
       // The sample after the end completes the last interval.
       if (record_sender_) record_sender_->send(reached_, 1);
       if (options_.truth && next_tick_ > 0)
-        (void)bus_->publish(truth_channel, encode(sample_, buffer_));
+        (void)bus_->publish(truth_channel, encode(state_, buffer_));
     }
   }
 
@@ -270,7 +272,7 @@ class MasterProcess {
   std::int64_t events_ = 0;
   std::int64_t unsent_states_ = 0;
   std::vector<ContactEvent> found_;
-  StateSample sample_;
+  state_t state_{};
   std::vector<std::uint8_t> buffer_;
 };
 

@@ -7,7 +7,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <vector>
 
-#include "lcmtypes/state_codec.h"
+#include "observer/estimate_sample.h"
 #include "observer/input_stream.h"
 #include "observer/options.h"
 #include "sprag/detail/bound/guarantee.h"

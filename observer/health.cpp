@@ -7,33 +7,33 @@
 namespace sprag {
 namespace {
 
-Health::Times times_of(const Histogram& histogram) {
-  const auto seconds = [](std::int64_t ns) { return 1e-9 * static_cast<double>(ns); };
-  return {seconds(histogram.quantile(0.5)), seconds(histogram.quantile(0.99)),
-          seconds(histogram.largest())};
-}
+double seconds(std::int64_t ns) { return 1e-9 * static_cast<double>(ns); }
 
 }  // namespace
 
-Health::Estimate source_of(const Confidence& confidence) {
-  if (!confidence.from_filter) return Health::Estimate::replica;
-  return confidence.parameters.any() ? Health::Estimate::adaptive : Health::Estimate::filter;
+EstimateSource source_of(const Confidence& confidence) {
+  if (!confidence.from_filter) return EstimateSource::replica;
+  return confidence.parameters.any() ? EstimateSource::adaptive : EstimateSource::filter;
 }
 
-Health health_of(const IntegrationStatus& status, const ReceptionFigures& reception) {
+health_t health_of(const IntegrationStatus& status, const ReceptionFigures& reception) {
   const MessageCounts& messages = status.messages;
-  Health health;
+  health_t health{};
   health.session = status.session;
   health.tick = status.tick;
   health.t = status.t;
-  health.master = status.master;
-  health.input = status.input;
-  health.period = 1e-9 * static_cast<double>(status.period);
+  health.master = static_cast<std::int8_t>(status.master);
+  health.input = static_cast<std::int8_t>(status.input);
+  health.period = seconds(status.period);
   if (status.period > 0) health.real_time_factor = status.simulated / health.period;
   health.speed = status.speed;
   health.latencies = status.event_latency.count();
-  health.latency = times_of(status.event_latency);
-  health.lateness = times_of(status.lateness);
+  health.latency_p50 = seconds(status.event_latency.quantile(0.5));
+  health.latency_p99 = seconds(status.event_latency.quantile(0.99));
+  health.latency_max = seconds(status.event_latency.largest());
+  health.lateness_p50 = seconds(status.lateness.quantile(0.5));
+  health.lateness_p99 = seconds(status.lateness.quantile(0.99));
+  health.lateness_max = seconds(status.lateness.largest());
   health.sessions = messages.sessions;
   health.deadlines = status.deadlines;
   health.missed_deadlines = status.missed;
@@ -55,8 +55,10 @@ Health health_of(const IntegrationStatus& status, const ReceptionFigures& recept
   health.overflowed = reception.overflowed + reception.bus.overflowed;
   const nlohmann::ordered_json refused = refused_by_cause(reception, messages);
   for (const auto& [cause, count] : refused.items()) {
-    health.refused.push_back({cause, count.get<std::int64_t>()});
+    health.cause.push_back(cause);
+    health.refused.push_back(count.get<std::int64_t>());
   }
+  health.causes = static_cast<std::int32_t>(health.cause.size());
   return health;
 }
 

@@ -1,12 +1,12 @@
 // The status of the integrating thread once a second, and its conversion to the observer's health
-// message (lcmtypes/health_codec.h).
+// message.
 #pragma once
 
 #include <cstdint>
 
-#include "lcmtypes/health_codec.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "observer/figures.h"
+#include "sprag/confidence.h"
 #include "sprag/detail/events/event_history.h"
 #include "sprag/detail/live/histogram.h"
 
@@ -17,8 +17,8 @@ inline constexpr std::int64_t health_period = 1'000'000'000;  // ns
 /// Status of the integrating thread. Copying does not allocate. Wall-clock times in ns.
 struct IntegrationStatus {
   bool last = false;  ///< the thread has ended
-  Health::Master master = Health::Master::awaited;
-  Health::Input input = Health::Input::none;
+  MasterState master = MasterState::awaited;
+  InputState input = InputState::none;
   std::int64_t session = 0;
   std::int64_t tick = -1;  ///< last estimated tick
   double t = -1.0;         ///< its time [s]
@@ -49,9 +49,9 @@ struct IntegrationStatus {
 };
 
 /// The fields of the health message that follow from these two.
-Health health_of(const IntegrationStatus& status, const ReceptionFigures& reception);
+health_t health_of(const IntegrationStatus& status, const ReceptionFigures& reception);
 
 /// The source of an estimate with this confidence.
-Health::Estimate source_of(const Confidence& confidence);
+EstimateSource source_of(const Confidence& confidence);
 
 }  // namespace sprag

@@ -9,7 +9,7 @@
 #include <memory>
 #include <vector>
 
-#include "lcmtypes/state_codec.h"
+#include "observer/estimate_sample.h"
 #include "sprag/detail/events/contact_message.h"
 #include "sprag/detail/events/input_history.h"
 #include "sprag/detail/filter/tracking_estimator.h"

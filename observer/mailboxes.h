@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "lcmtypes/state_codec.h"
+#include "observer/estimate_sample.h"
 #include "observer/health.h"
 #include "observer/spsc_queue.h"
 #include "observer/wake.h"

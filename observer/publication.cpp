@@ -4,11 +4,8 @@
 #include <iostream>
 #include <thread>
 
-#include "lcmtypes/bounds_codec.h"
-#include "lcmtypes/health_codec.h"
-#include "lcmtypes/outputs_codec.h"
-#include "lcmtypes/parameters_codec.h"
 #include "lcmtypes/wall_clock.h"
+#include "observer/messages.h"
 #include "observer/wake.h"
 
 namespace sprag {
@@ -78,10 +75,10 @@ void Publication::empty_outbox() {
 }
 
 void Publication::publish_health(const ReceptionFigures& reception, bool last) {
-  Health health = health_of(status_, reception);
+  health_t health = health_of(status_, reception);
   health.utime = wall_clock_us();
-  health.last = last;
-  health.estimate = source_;
+  health.last = last ? 1 : 0;
+  health.estimate = static_cast<std::int8_t>(source_);
   health.ticks = settled_.ticks();
   health.inconsistencies = settled_.inconsistencies();
   health.unsent = unsent_;
@@ -92,23 +89,23 @@ void Publication::publish(EstimateSample& estimate, bool settled) {
   estimate.utime = wall_clock_us();
   if (settled) settled_.take(estimate);
   if (!settled) source_ = source_of(estimate.confidence);
-  std::vector<std::uint8_t>& buffer = settled ? last_settled_ : buffer_;
-  if (!bus_.publish(settled ? settled_channel : estimate_channel, encode(estimate, buffer))) {
-    ++unsent_;
+  fill(estimate_, estimate);
+  send(settled ? settled_channel : estimate_channel, estimate_, settled ? last_settled_ : buffer_);
+  if (!outputs_.empty()) {
+    fill(outputs_message_, estimate, settled, outputs_);
+    send(outputs_channel, outputs_message_, settled ? last_outputs_ : buffer_);
   }
-  if (!outputs_.empty()) publish_outputs(estimate, settled);
-  if (settled && estimate.confidence.bound_q.size() > 0 &&
-      !bus_.publish(bounds_channel, encode_bounds(estimate, outputs_, buffer_))) {
-    ++unsent_;
+  if (settled && estimate.confidence.bound_q.size() > 0) {
+    fill(bounds_, estimate, outputs_);
+    send(bounds_channel, bounds_, buffer_);
   }
   if (settled && estimate.confidence.parameters.any()) publish_parameters(estimate);
 }
 
-void Publication::publish_outputs(const EstimateSample& estimate, bool settled) {
-  std::vector<std::uint8_t>& buffer = settled ? last_outputs_ : buffer_;
-  if (!bus_.publish(outputs_channel, encode_outputs(estimate, settled, outputs_, buffer))) {
-    ++unsent_;
-  }
+template <class Message>
+void Publication::send(const char* channel, const Message& message,
+                       std::vector<std::uint8_t>& buffer) {
+  if (!bus_.publish(channel, encode(message, buffer))) ++unsent_;
 }
 
 // Publishes the parameters if they have changed.
@@ -121,7 +118,9 @@ void Publication::publish_parameters(const EstimateSample& estimate) {
   known_ = confidence.parameters.known;
   accepted_ = confidence.parameters.accepted;
   from_filter_ = confidence.from_filter;
-  if (!bus_.publish(parameters_channel, encode_parameters(estimate, parameters_))) ++unsent_;
+  parameters_t message{};
+  fill(message, estimate);
+  send(parameters_channel, message, parameters_);
 }
 
 void Publication::print(const Announcement& announcement) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
+#include "lcmtypes/messages.h"
 #include "observer/health.h"
 #include "observer/mailboxes.h"
 #include "observer/notices.h"
@@ -40,7 +41,8 @@ class Publication {
   void publish(EstimateSample& estimate, bool settled);
   void publish_parameters(const EstimateSample& estimate);
   void publish_health(const ReceptionFigures& reception, bool last);
-  void publish_outputs(const EstimateSample& estimate, bool settled);
+  template <class Message>
+  void send(const char* channel, const Message& message, std::vector<std::uint8_t>& buffer);
   void print(const Announcement& announcement);
   void progress();
 
@@ -52,14 +54,18 @@ class Publication {
   Reception& reception_;
   double duration_;
   std::vector<Output> outputs_;
+  // Reused, so that sending allocates only where a message grows.
+  estimate_t estimate_{};
+  outputs_t outputs_message_{};
+  bounds_t bounds_{};
   std::vector<std::uint8_t> buffer_;
   std::vector<std::uint8_t> last_outputs_;  // last settled message
   std::vector<std::uint8_t> last_settled_;
-  std::vector<std::uint8_t> parameters_;              // last message sent
-  double known_ = 0.0, accepted_ = 0.0;               // values in it
-  bool from_filter_ = false;                          // value in it
-  IntegrationStatus status_;                          // last status received
-  Health::Estimate source_ = Health::Estimate::none;  // source of the last provisional estimate
+  std::vector<std::uint8_t> parameters_;          // last message sent
+  double known_ = 0.0, accepted_ = 0.0;           // values in it
+  bool from_filter_ = false;                      // value in it
+  IntegrationStatus status_;                      // last status received
+  EstimateSource source_ = EstimateSource::none;  // source of the last provisional estimate
   std::vector<std::uint8_t> health_;
   std::int64_t unsent_ = 0;
   bool observing_ = false;  // set by the announcement of the first session

@@ -385,13 +385,13 @@ void RealTimeLoop::hand_over_status(std::int64_t now) {
   const bool started = time_line_.started();
   // Only messages of the followed session count here.
   const bool silent = now - last_received_ > silent_after;
-  status_.master = !started   ? Health::Master::awaited
-                   : at_end() ? Health::Master::ended
-                   : silent   ? Health::Master::silent
-                              : Health::Master::received;
+  status_.master = !started   ? MasterState::awaited
+                   : at_end() ? MasterState::ended
+                   : silent   ? MasterState::silent
+                              : MasterState::received;
   if (estimation_.stream) {
     const bool input_silent = now - last_input_ > silent_after || !estimation_.stream->started();
-    status_.input = input_silent ? Health::Input::silent : Health::Input::received;
+    status_.input = input_silent ? InputState::silent : InputState::received;
   }
   status_.session = sessions_.session();
   status_.tick = reached_;

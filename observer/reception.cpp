@@ -3,8 +3,7 @@
 #include <chrono>
 
 #include "lcmtypes/big_endian.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "lcmtypes/wall_clock.h"
 
 namespace sprag {

@@ -2,9 +2,8 @@
 
 #include <algorithm>
 
-#include "lcmtypes/impact_codec.h"
-#include "lcmtypes/prediction_codec.h"
 #include "lcmtypes/wall_clock.h"
+#include "observer/messages.h"
 #include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
@@ -116,14 +115,17 @@ void SettledFollower::predict() {
   prediction_due_ = false;
   const Prediction prediction = estimator_.predict(state_, *predictor_, ahead_);
   if (predictions_) predictions_->write(prediction);
-  (void)bus_.publish(prediction_channel,
-                     encode_prediction(prediction, session_, wall_clock_us(), buffer_));
+  prediction_t message{};
+  fill(message, prediction, session_, wall_clock_us());
+  (void)bus_.publish(prediction_channel, encode(message, buffer_));
 }
 
 void SettledFollower::write_impacts() {
   for (const ImpactRecord& record : impacts_) {
     writer_->write(record);
-    (void)bus_.publish(impacts_channel, encode_impact(record, session_, wall_clock_us(), buffer_));
+    impact_t message{};
+    fill(message, record, session_, wall_clock_us());
+    (void)bus_.publish(impacts_channel, encode(message, buffer_));
   }
   impacts_.clear();
 }

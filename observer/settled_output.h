@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
-#include "lcmtypes/state_codec.h"
 #include "observer/confidence_record.h"
+#include "observer/estimate_sample.h"
 #include "sprag/detail/events/event_history.h"
 #include "sprag/model.h"
 #include "sprag/states_file.h"

@@ -7,8 +7,7 @@
 #include <utility>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/contact_messages.h"
 
 namespace sprag {
 namespace {

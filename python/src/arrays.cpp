@@ -55,6 +55,11 @@ py::array view(const Eigen::VectorXd& values, py::handle owner) {
       py::array(py::dtype::of<double>(), {values.size()}, {item_size}, values.data(), owner));
 }
 
+py::array view(const std::vector<double>& values, py::handle owner) {
+  return read_only(
+      py::array(py::dtype::of<double>(), {values.size()}, {item_size}, values.data(), owner));
+}
+
 py::array view(const Rows& rows, py::handle owner) {
   return matrix_view(rows.data(), rows.rows(), rows.cols(), rows.cols(), 1, owner);
 }

@@ -21,6 +21,7 @@ py::array read_only(py::array array);
 
 /// n entries.
 py::array view(const Eigen::VectorXd& values, py::handle owner);
+py::array view(const std::vector<double>& values, py::handle owner);
 /// n x f, C order.
 py::array view(const Rows& rows, py::handle owner);
 /// f x f, Fortran order.

@@ -40,7 +40,7 @@ class Listener {
   Listener(EstimateChannel channel, const std::string& url, const std::optional<Key>& key)
       : listener_(channel, url, key) {}
 
-  std::optional<EstimateSample> next(std::optional<double> timeout) {
+  std::optional<estimate_t> next(std::optional<double> timeout) {
     if (timeout && !(*timeout >= 0.0)) throw std::invalid_argument("timeout must be >= 0");
     constexpr milliseconds piece(100);
     // [s]: without a limit the conversion to the clock's duration would overflow.
@@ -71,10 +71,9 @@ class Listener {
   EstimateListener listener_;
 };
 
-template <typename Member>
-auto sample_property(Member member) {
+auto array_property(std::vector<double> estimate_t::*member) {
   return [member](const py::object& self) {
-    return view(member(self.cast<const EstimateSample&>()), self);
+    return view(self.cast<const estimate_t&>().*member, self);
   };
 }
 
@@ -123,42 +122,33 @@ void bind_publisher(py::module_& module) {
 }
 
 void bind_listener(py::module_& module) {
-  value_class<EstimateSample>(module, "LiveEstimate",
-                              "An observer's estimate of one tick, received from the bus. All "
-                              "arrays are read-only views.")
-      .def_readonly("session", &EstimateSample::session, "The master's.")
-      .def_readonly("tick", &EstimateSample::tick)
-      .def_readonly("settled_tick", &EstimateSample::settled_tick,
+  value_class<estimate_t>(module, "LiveEstimate",
+                          "An observer's estimate of one tick, received from the bus. All arrays "
+                          "are read-only views.")
+      .def_readonly("session", &estimate_t::session, "The master's.")
+      .def_readonly("tick", &estimate_t::tick)
+      .def_readonly("settled_tick", &estimate_t::settled_tick,
                     "Last tick that is final; -1: none yet.")
-      .def_readonly("t", &EstimateSample::t, "Simulated time of the tick [s].")
+      .def_readonly("t", &estimate_t::t, "Simulated time of the tick [s].")
+      .def_property_readonly("q", array_property(&estimate_t::q), "Coordinates, f entries.")
+      .def_property_readonly("u", array_property(&estimate_t::u), "Velocities, f entries.")
       .def_property_readonly(
-          "q", sample_property([](const EstimateSample& s) -> const auto& { return s.q; }),
-          "Coordinates, f entries.")
-      .def_property_readonly(
-          "u", sample_property([](const EstimateSample& s) -> const auto& { return s.u; }),
-          "Velocities, f entries.")
-      .def_property_readonly(
-          "closed", [](const EstimateSample& sample) { return contacts_of(sample.closed); },
+          "closed",
+          [](const estimate_t& estimate) {
+            return contacts_of(static_cast<ContactSet>(estimate.closed));
+          },
           "The contacts that are closed, from 1.")
       .def_property_readonly(
-          "of_filter", [](const EstimateSample& sample) { return sample.confidence.from_filter; },
+          "of_filter", [](const estimate_t& estimate) { return estimate.from_filter == 1; },
           "Whether q and u are the timing filter's; else the replica's.")
-      .def_property_readonly("sigma_q", sample_property([](const EstimateSample& s) -> const auto& {
-                               return s.confidence.sigma_q;
-                             }),
+      .def_property_readonly("sigma_q", array_property(&estimate_t::sigma_q),
                              "Standard deviations of q, f entries; none without a timing filter.")
-      .def_property_readonly("sigma_u", sample_property([](const EstimateSample& s) -> const auto& {
-                               return s.confidence.sigma_u;
-                             }),
+      .def_property_readonly("sigma_u", array_property(&estimate_t::sigma_u),
                              "Standard deviations of u, f entries.")
-      .def_property_readonly("sigma_gap",
-                             sample_property([](const EstimateSample& s) -> const auto& {
-                               return s.confidence.sigma_g;
-                             }),
+      .def_property_readonly("sigma_gap", array_property(&estimate_t::sigma_g),
                              "Standard deviations of the gaps [m], m entries.")
-      .def_property_readonly(
-          "bound", [](const EstimateSample& sample) { return sample.confidence.bound; },
-          "The replica's V is at most this; inf where nothing guarantees it.");
+      .def_readonly("bound", &estimate_t::bound,
+                    "The replica's V is at most this; inf where nothing guarantees it.");
 
   py::class_<Listener>(
       module, "EstimateListener",

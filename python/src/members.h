@@ -1,7 +1,7 @@
 // Members of the library's classes that are values in Python, and of all that they contain.
 #pragma once
 
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "python/src/values.h"
 #include "sprag/assessment.h"
 #include "sprag/beam.h"
@@ -55,20 +55,10 @@ SPRAG_MEMBERS(PredictedEvent, t, contact, kind, sigma)
 SPRAG_MEMBERS(Prediction, made_at, certain_until, events)
 
 // ---- estimates from the bus
-SPRAG_MEMBERS(Innovation, t, contact, gap, deviation)
-SPRAG_MEMBERS(Redundancy, closings, contact)
-SPRAG_MEMBERS(Confidence, has_replica, has_filter, from_filter, penetration, bound, sigma_q,
-              sigma_u, sigma_g, sigma_outputs, bound_q, bound_g, bound_outputs, refutations,
-              replica, filter, inconsistencies, last, scale_is_lost, forgotten, redundancy,
-              refused_impacts, parameters)
-SPRAG_MEMBERS(StateSample, session, utime, tick, t, q, u, closed)
-template <typename T>
-requires std::same_as<std::remove_const_t<T>, EstimateSample>
-auto members(T& sample) {
-  using Base = std::conditional_t<std::is_const_v<T>, const StateSample, StateSample>;
-  return std::tuple_cat(members(static_cast<Base&>(sample)),
-                        std::tie(sample.settled_tick, sample.confidence));
-}
+SPRAG_MEMBERS(estimate_t, session, utime, tick, t, f, q, u, closed, settled_tick, estimators,
+              from_filter, bound, deviations, sigma_q, sigma_u, gaps, sigma_g, closing,
+              closing_contact, replica_gap, filter_gap, sigma_filter_gap, inconsistencies,
+              suspect_t, suspect_contact, suspicion)
 
 // ---- assessments
 SPRAG_MEMBERS(Definiteness, smallest, semidefinite, null_motions)

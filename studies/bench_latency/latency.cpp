@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/contact_messages.h"
+#include "lcmtypes/messages.h"
 #include "lcmtypes/wall_clock.h"
 #include "observer/wake.h"
 
@@ -54,7 +54,7 @@ class Child {
   pid_t pid_;
 };
 
-using Payload = EncodedContacts;
+using Payload = std::array<std::uint8_t, 1272>;  // the size of contacts_t
 
 /// Sends every datagram back to its sender.
 void echo_udp(int socket) {
@@ -166,15 +166,15 @@ class Machine {
     report_.session = static_cast<std::int64_t>(std::random_device{}());
     report_.contacts = contacts;
     report_.speed = 1.0;
-    bus_.subscribe(estimate_channel,
-                   [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-                     if (decode(data, estimate_) != Refusal::none) return;
-                     if (estimate_.session != report_.session) return;
-                     received_ = true;
-                     if (estimate_.t >= event_ && estimate_.closed == report_.closed) {
-                       arrived_ = monotonic_now();
-                     }
-                   });
+    bus_.subscribe(estimate_channel, [this](std::string_view, std::span<const std::uint8_t> data,
+                                            std::int64_t) {
+      if (decode(data, estimate_) != Refusal::none) return;
+      if (estimate_.session != report_.session) return;
+      received_ = true;
+      if (estimate_.t >= event_ && static_cast<ContactSet>(estimate_.closed) == report_.closed) {
+        arrived_ = monotonic_now();
+      }
+    });
   }
 
   void heartbeat() {
@@ -213,15 +213,14 @@ class Machine {
   void send() {
     ++report_.sequence;
     report_.utime = wall_clock_us();
-    encode(report_, message_);
-    (void)bus_.publish(contacts_channel, message_);
+    (void)bus_.publish(contacts_channel, encode(report_, buffer_));
   }
 
   Bus bus_;
   std::int64_t start_;
   ContactMessage report_;
-  Payload message_{};
-  EstimateSample estimate_;
+  std::vector<std::uint8_t> buffer_;
+  estimate_t estimate_{};
   double event_ = 0.0;
   std::int64_t arrived_ = 0;
   bool received_ = false;
@@ -232,14 +231,14 @@ class Device {
  public:
   Device(const std::string& url, std::optional<Key> key, int lines)
       : bus_(url, key), lines_(lines), start_(monotonic_now()) {
-    bus_.subscribe(estimate_channel,
-                   [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-                     if (decode(data, estimate_) != Refusal::none) return;
-                     received_ = true;
-                     if (estimate_.t >= event_ && estimate_.closed == closed_) {
-                       arrived_ = monotonic_now();
-                     }
-                   });
+    bus_.subscribe(estimate_channel, [this](std::string_view, std::span<const std::uint8_t> data,
+                                            std::int64_t) {
+      if (decode(data, estimate_) != Refusal::none) return;
+      received_ = true;
+      if (estimate_.t >= event_ && static_cast<ContactSet>(estimate_.closed) == closed_) {
+        arrived_ = monotonic_now();
+      }
+    });
   }
 
   void heartbeat() {
@@ -275,7 +274,7 @@ class Device {
   Bus bus_;
   int lines_;  // file descriptor
   std::int64_t start_;
-  EstimateSample estimate_;
+  estimate_t estimate_{};
   double event_ = 0.0;
   ContactSet closed_ = 0;
   std::int64_t arrived_ = 0;

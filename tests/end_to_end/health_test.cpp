@@ -6,18 +6,19 @@
 #include <map>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/health_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "lcmtypes/key.h"
+#include "lcmtypes/messages.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {
 namespace {
 
 using namespace std::chrono_literals;
-using enum Health::Master;
+using enum MasterState;
 
 /// Receives SPRAG_HEALTH in its own thread.
 class HealthListener {
@@ -37,21 +38,21 @@ class HealthListener {
   HealthListener& operator=(const HealthListener&) = delete;
 
   /// All messages so far, each once: the last one is repeated.
-  std::vector<Health> distinct_messages() const {
+  std::vector<health_t> distinct_messages() const {
     const std::lock_guard lock(mutex_);
-    std::vector<Health> all;
+    std::vector<health_t> all;
     for (const auto& [utime, health] : received_) all.push_back(health);
     return all;
   }
-  Health latest() const {
+  health_t latest() const {
     const std::lock_guard lock(mutex_);
-    return received_.empty() ? Health{} : received_.rbegin()->second;
+    return received_.empty() ? health_t{} : received_.rbegin()->second;
   }
   int refused() const { return refused_; }
 
  private:
   void receive(std::span<const std::uint8_t> data) {
-    Health health;
+    health_t health{};
     if (decode(data, health) != Refusal::none) {
       ++refused_;
       return;
@@ -62,15 +63,17 @@ class HealthListener {
 
   Bus bus_;
   mutable std::mutex mutex_;
-  std::map<std::int64_t, Health> received_;
+  std::map<std::int64_t, health_t> received_;
   std::atomic<int> refused_{0};
   std::atomic<bool> stop_{false};
   std::thread thread_;
 };
 
-nlohmann::json refused_of(const Health& health) {
+nlohmann::json refused_of(const health_t& health) {
   nlohmann::json refused = nlohmann::json::object();
-  for (const RefusedCount& one : health.refused) refused[one.cause] = one.count;
+  for (std::size_t i = 0; i < health.cause.size(); ++i) {
+    refused[health.cause[i]] = health.refused[i];
+  }
   return refused;
 }
 
@@ -89,9 +92,9 @@ TEST_F(HealthTest, EqualsTheReport) {
                          "0.015625",          "--key",      key};
   Process& observer = start_listening("observer", common + Arguments{"--report", file("o.json")});
   ASSERT_TRUE(in_time([&] { return !listener.distinct_messages().empty(); }));
-  const Health before = listener.latest();
-  EXPECT_EQ(before.master, awaited);
-  EXPECT_EQ(before.estimate, Health::Estimate::none);
+  const health_t before = listener.latest();
+  EXPECT_EQ(MasterState{before.master}, awaited);
+  EXPECT_EQ(EstimateSource{before.estimate}, EstimateSource::none);
   EXPECT_EQ(before.tick, -1);
   EXPECT_EQ(before.t, -1.0);
   EXPECT_EQ(before.session, 0);
@@ -103,7 +106,7 @@ TEST_F(HealthTest, EqualsTheReport) {
   // Senders without a key, with another key, and with another machine.
   ContactMessage message;
   message.contacts = 3;
-  EncodedContacts three;
+  std::vector<std::uint8_t> three;
   encode(message, three);
   Bus unsigned_bus(url());
   Bus forger(url(), Key(std::filesystem::path(key_file("no", 'b'))));
@@ -117,17 +120,17 @@ TEST_F(HealthTest, EqualsTheReport) {
   const nlohmann::json expected{{"unauthenticated", 10}, {"other_machine", 5}, {"truncated", 5}};
   EXPECT_TRUE(in_time([&] { return refused_of(listener.latest()) == expected; }))
       << refused_of(listener.latest());
-  EXPECT_EQ(listener.latest().master, awaited);
+  EXPECT_EQ(MasterState{listener.latest().master}, awaited);
 
   Process& master = start_master(common + Arguments{"--speed", "6"});
   EXPECT_EQ(end_of(master).code, 0);
   EXPECT_EQ(end_of(observer).code, 0);
-  ASSERT_TRUE(in_time([&] { return listener.latest().last; }));
+  ASSERT_TRUE(in_time([&] { return listener.latest().last == 1; }));
 
-  const std::vector<Health> all = listener.distinct_messages();
+  const std::vector<health_t> all = listener.distinct_messages();
   EXPECT_EQ(listener.refused(), 0);
   ASSERT_GT(all.size(), 4U);
-  const Health& last = all.back();
+  const health_t& last = all.back();
   const nlohmann::json report = json("o.json");
   const nlohmann::json& messages = report["messages"];
   EXPECT_EQ(refused_of(last), messages["refused"]);
@@ -162,20 +165,20 @@ TEST_F(HealthTest, EqualsTheReport) {
   std::int64_t latencies = 0;
   bool paced = false;
   for (std::size_t i = 0; i < all.size(); ++i) {
-    const Health& health = all[i];
+    const health_t& health = all[i];
     SCOPED_TRACE(i);
-    EXPECT_EQ(health.last, i + 1 == all.size());
-    EXPECT_LE(health.latency.p50, health.latency.p99);
-    EXPECT_LE(health.latency.p99, health.latency.max);
+    EXPECT_EQ(health.last == 1, i + 1 == all.size());
+    EXPECT_LE(health.latency_p50, health.latency_p99);
+    EXPECT_LE(health.latency_p99, health.latency_max);
     simulated += health.real_time_factor * health.period;
     latencies += health.latencies;
-    longest_latency = std::max(longest_latency, health.latency.max);
-    greatest_lateness = std::max(greatest_lateness, health.lateness.max);
-    if (health.master == received) {
+    longest_latency = std::max(longest_latency, health.latency_max);
+    greatest_lateness = std::max(greatest_lateness, health.lateness_max);
+    if (MasterState{health.master} == received) {
       paced = true;
       EXPECT_EQ(health.speed, 6.0);
-      EXPECT_NE(health.estimate, Health::Estimate::none);
-      EXPECT_NE(health.estimate, Health::Estimate::adaptive);
+      EXPECT_NE(EstimateSource{health.estimate}, EstimateSource::none);
+      EXPECT_NE(EstimateSource{health.estimate}, EstimateSource::adaptive);
     }
     if (i > 0) {
       EXPECT_GE(health.events, all[i - 1].events);
@@ -192,8 +195,8 @@ TEST_F(HealthTest, EqualsTheReport) {
 
 TEST_F(HealthTest, ReportsStateOfTheMaster) {
   const HealthListener listener(url(), std::nullopt);
-  const auto comes_to = [&](Health::Master state) {
-    return in_time([&] { return listener.latest().master == state; });
+  const auto comes_to = [&](MasterState state) {
+    return in_time([&] { return MasterState{listener.latest().master} == state; });
   };
   Process& observer = start_listening(
       "observer", {scene("paper_beam"), "--tick", "0.015625", "--estimator", "replica"});
@@ -203,9 +206,9 @@ TEST_F(HealthTest, ReportsStateOfTheMaster) {
   const std::int64_t first = listener.latest().session;
   killed.signal(SIGKILL);
   EXPECT_TRUE(comes_to(silent));
-  const Health alone = listener.latest();
+  const health_t alone = listener.latest();
   EXPECT_EQ(alone.session, first);
-  EXPECT_EQ(alone.estimate, Health::Estimate::replica);
+  EXPECT_EQ(EstimateSource{alone.estimate}, EstimateSource::replica);
   // Without a master no message is late, and the estimate continues.
   EXPECT_TRUE(in_time([&] { return listener.latest().tick > alone.tick + 32; }));
   Process& next = start_master({scene("paper_beam"), "--duration", "6", "--speed", "3"});
@@ -215,11 +218,11 @@ TEST_F(HealthTest, ReportsStateOfTheMaster) {
   EXPECT_EQ(listener.latest().speed, 3.0);
   EXPECT_TRUE(comes_to(ended));
   EXPECT_EQ(end_of(next).code, 0);
-  EXPECT_FALSE(listener.latest().last);
+  EXPECT_EQ(listener.latest().last, 0);
   observer.signal(SIGTERM);
   EXPECT_EQ(end_of(observer).code, 0);
-  EXPECT_TRUE(in_time([&] { return listener.latest().last; }));
-  EXPECT_EQ(listener.latest().master, ended);
+  EXPECT_TRUE(in_time([&] { return listener.latest().last == 1; }));
+  EXPECT_EQ(MasterState{listener.latest().master}, ended);
 }
 
 }  // namespace

@@ -7,8 +7,7 @@
 #include <set>
 
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/health_codec.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/support/streamed_scene.h"
@@ -188,20 +187,20 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
   const nlohmann::json report = json("o.json");
   EXPECT_EQ(report["input"]["gaps"], 1);
   // Health says so as well.
-  std::set<Health::Input> states;
+  std::set<InputState> states;
   {
     ChannelLogReader log(file("far.lcmlog"));
     ChannelRecord record;
-    Health health;
+    health_t health{};
     while (log.next(record)) {
       if (record.channel != "SPRAG_HEALTH") continue;
       ASSERT_EQ(decode(record.data, health), Refusal::none);
-      states.insert(health.input);
+      states.insert(InputState{health.input});
     }
   }
-  EXPECT_TRUE(states.contains(Health::Input::received));
-  EXPECT_TRUE(states.contains(Health::Input::silent));
-  EXPECT_FALSE(states.contains(Health::Input::none));
+  EXPECT_TRUE(states.contains(InputState::received));
+  EXPECT_TRUE(states.contains(InputState::silent));
+  EXPECT_FALSE(states.contains(InputState::none));
   EXPECT_GT(report["input"]["filled"], 500);
   ASSERT_EQ(report["input"]["lost"].size(), 1U);
   EXPECT_GT(report["input"]["lost"][0]["to"],
@@ -210,16 +209,16 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
   // deviation means that the estimate is unknown.
   ChannelLogReader log(file("far.lcmlog"));
   ChannelRecord record;
-  EstimateSample sample;
+  estimate_t estimate{};
   double before = infinity, within = infinity;
   int within_count = 0;
   while (log.next(record)) {
     if (record.channel != "SPRAG_ESTIMATE") continue;
-    ASSERT_EQ(decode(record.data, sample), Refusal::none);
-    if (sample.confidence.sigma_u.size() == 0 || sample.settled_tick < 0) continue;
-    const double age = 0.005 * static_cast<double>(sample.tick - sample.settled_tick);
-    const double sigma = sample.confidence.sigma_u.maxCoeff();
-    if (sample.t > 1.0 && sample.t < 1.4 && age < 0.02) before = std::min(before, sigma);
+    ASSERT_EQ(decode(record.data, estimate), Refusal::none);
+    if (estimate.deviations == 0 || estimate.settled_tick < 0) continue;
+    const double age = 0.005 * static_cast<double>(estimate.tick - estimate.settled_tick);
+    const double sigma = as_vector(estimate.sigma_u).maxCoeff();
+    if (estimate.t > 1.0 && estimate.t < 1.4 && age < 0.02) before = std::min(before, sigma);
     if (age < 0.3) continue;
     within = std::min(within, sigma);
     ++within_count;

@@ -7,7 +7,7 @@
 #include <functional>
 #include <sprag/contacts_t.hpp>
 
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/end_to_end/played_master.h"
@@ -263,7 +263,7 @@ class AtOnceTest : public LiveTroubleTest {
     bus_.emplace(url());
     bus_->subscribe(estimate_channel,
                     [this](std::string_view, std::span<const std::uint8_t> data, std::int64_t) {
-                      EstimateSample estimate;
+                      estimate_t estimate{};
                       if (decode(data, estimate) == Refusal::none) estimates_.push_back(estimate);
                     });
   }
@@ -272,15 +272,15 @@ class AtOnceTest : public LiveTroubleTest {
     return eventually(
         [&] {
           bus_->handle(1ms);
-          return std::ranges::any_of(estimates_, [&](const EstimateSample& estimate) {
-            return estimate.tick == tick && estimate.closed == closed;
+          return std::ranges::any_of(estimates_, [&](const estimate_t& estimate) {
+            return estimate.tick == tick && static_cast<ContactSet>(estimate.closed) == closed;
           });
         },
         timeout);
   }
 
   std::optional<Bus> bus_;
-  std::vector<EstimateSample> estimates_;
+  std::vector<estimate_t> estimates_;
 };
 
 TEST_F(AtOnceTest, EventIsPublishedBeforeNextTickIsDue) {

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/events_file.h"
 
@@ -102,7 +102,7 @@ class PlayedMaster {
   std::vector<ContactEvent> events_;
   std::size_t next_ = 0;
   ContactMessage last_;
-  EncodedContacts message_{};
+  std::vector<std::uint8_t> message_;
 };
 
 }  // namespace sprag::test

@@ -6,7 +6,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_log.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/events_file.h"
 #include "tests/end_to_end/fixture.h"
@@ -148,7 +148,7 @@ std::string recording_of(std::int64_t session, const std::vector<double>& times,
                          const std::filesystem::path& log) {
   ChannelLogWriter writer(log);
   MessageBuilder builder(session, 1.0, 1);
-  EncodedContacts bytes;
+  std::vector<std::uint8_t> bytes;
   for (const double t : times) {
     const std::vector<ContactEvent> event{{t, 0, ContactEventKind::pulse}};
     builder.add(event);

@@ -12,9 +12,9 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "lcmtypes/key.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/support/random.h"
 
@@ -271,7 +271,7 @@ TEST_F(KeyTest, LoggerRefusesRecordingOfItsOwnMaster) {
   ChannelLogReader reader(file("run.lcmlog"));
   ChannelLogWriter writer(file("old.lcmlog"));
   ChannelRecord record;
-  StateSample state;
+  state_t state{};
   std::vector<std::uint8_t> message;
   while (reader.next(record)) {
     if (record.channel == truth_channel) {

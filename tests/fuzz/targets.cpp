@@ -9,13 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "lcmtypes/bounds_codec.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/health_codec.h"
-#include "lcmtypes/outputs_codec.h"
-#include "lcmtypes/parameters_codec.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/contact_messages.h"
+#include "lcmtypes/messages.h"
 #include "lcmtypes/udp_receiver.h"
 #include "observer/master_clock.h"
 #include "recording/session_tracker.h"
@@ -85,7 +81,7 @@ class Reader {
 };
 
 /// A report with the right hash and arbitrary fields.
-EncodedContacts report_of(Reader& reader) {
+std::vector<std::uint8_t> report_of(Reader& reader) {
   ContactMessage report;
   report.session = reader.value<std::uint8_t>() % 3;
   report.sequence = reader.value<std::int16_t>();
@@ -102,7 +98,7 @@ EncodedContacts report_of(Reader& reader) {
     report.record[static_cast<std::size_t>(i)] = {reader.time(), what % 3,
                                                   static_cast<ContactEventKind>(what / 3 % 5)};
   }
-  EncodedContacts message{};
+  std::vector<std::uint8_t> message;
   encode(report, message);
   return message;
 }
@@ -134,12 +130,12 @@ void message(Input input) {
   Reader reader(input);
   Arrival arrival{1'000'000'000, 1'700'000'000'000'000};
   std::int64_t next_settled = 0;
-  StateSample state;
-  EstimateSample estimate;
-  Health health;
-  OutputsSample outputs;
-  BoundsSample bounds;
-  ParametersSample parameters;
+  state_t state{};
+  estimate_t estimate{};
+  health_t health{};
+  outputs_t outputs{};
+  bounds_t bounds{};
+  parameters_t parameters{};
   while (!reader.empty()) {
     arrival.monotonic += 1'000'000LL * reader.value<std::uint8_t>();
     arrival.wall += 1000LL * reader.value<std::uint8_t>();

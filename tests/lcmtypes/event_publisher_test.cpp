@@ -10,9 +10,8 @@
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "lcmtypes/estimate_listener.h"
-#include "lcmtypes/input_codec.h"
 #include "sprag/detail/events/event_history.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
@@ -228,11 +227,12 @@ TEST(EstimateListener, ReceivesEstimatesOfItsChannel) {
   const std::string url = test::udp_url();
   EstimateListener now(EstimateChannel::now, url), settled(EstimateChannel::settled, url);
   Bus bus(url);
-  EstimateSample sample;
+  estimate_t sample{};
   sample.tick = 7;
   sample.t = 0.07;
-  sample.q = Eigen::Vector2d(1.0, 2.0);
-  sample.u = Eigen::Vector2d(3.0, 4.0);
+  sample.f = 2;
+  sample.q = {1.0, 2.0};
+  sample.u = {3.0, 4.0};
   std::vector<std::uint8_t> buffer;
   ASSERT_TRUE(bus.publish(settled_channel, encode(sample, buffer)));
   ASSERT_TRUE(bus.publish(settled_channel, std::vector<std::uint8_t>(10)));

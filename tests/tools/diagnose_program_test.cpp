@@ -6,7 +6,7 @@
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_log.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "recording/recorded_events.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/detail/files/csv.h"
@@ -144,7 +144,7 @@ TEST_F(DiagnoseProgramTest, EventsAfterGapAreNotUsed) {
 TEST_F(DiagnoseProgramTest, GapOfEarlierRunDoesNotAffectLastRun) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 200.0);
   std::int64_t utime = 1'000'000;
-  EncodedContacts message;
+  std::vector<std::uint8_t> message;
   const auto write = [&](ChannelLogWriter& log, std::int64_t session, double lost_from,
                          double lost_to, double turned_at, double turned_by) {
     utime += 10'000'000;

@@ -20,8 +20,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "tests/support/program_test.h"
 #include "tests/support/random.h"
 #include "tests/support/streamed_scene.h"

@@ -9,7 +9,7 @@
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/states_file.h"
 #include "tests/support/random.h"
@@ -56,24 +56,34 @@ q = [0.0, 0.0]
 u = [0.0, 0.0]
 )";
 
-EstimateSample sample(std::int64_t tick, double t, double q1 = 0.0, std::int64_t session = 1) {
-  EstimateSample result;
+template <class Message>
+Message message(std::int64_t tick, double t, double q1, std::int64_t session) {
+  Message result{};
   result.session = session;
   result.tick = tick;
   result.t = t;
-  result.q = Eigen::Vector2d(q1, 0.0);
-  result.u = Eigen::Vector2d::Zero();
+  result.f = 2;
+  result.q = {q1, 0.0};
+  result.u = {0.0, 0.0};
   return result;
+}
+
+state_t truth(std::int64_t tick, double t, double q1 = 0.0, std::int64_t session = 1) {
+  return message<state_t>(tick, t, q1, session);
+}
+
+estimate_t estimate(std::int64_t tick, double t, double q1 = 0.0, std::int64_t session = 1) {
+  return message<estimate_t>(tick, t, q1, session);
 }
 
 TEST(PairingTest, RowIsWrittenAtSecondSampleOfPair) {
   Pairing pairing(two_masses());
-  EXPECT_EQ(pairing.add_truth(sample(0, 0.0, 2.0)), nullptr);
-  const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 1.0));
+  EXPECT_EQ(pairing.add_truth(truth(0, 0.0, 2.0)), nullptr);
+  const SyncRow* row = pairing.add_estimate(estimate(0, 0.0, 1.0));
   ASSERT_NE(row, nullptr);
   EXPECT_EQ(row->energy, Eigen::Vector3d(1.5, 1.5, 0.0));
-  EXPECT_EQ(pairing.add_estimate(sample(1, 0.1)), nullptr);
-  row = pairing.add_truth(sample(1, 0.1, 2.0));
+  EXPECT_EQ(pairing.add_estimate(estimate(1, 0.1)), nullptr);
+  row = pairing.add_truth(truth(1, 0.1, 2.0));
   ASSERT_NE(row, nullptr);
   EXPECT_EQ(row->k, 1);
   EXPECT_EQ(row->energy[0], 6.0);
@@ -84,10 +94,10 @@ TEST(PairingTest, TicksMayDifferAndRowHasTickOfEstimate) {
   Pairing pairing(two_masses());
   std::vector<std::int64_t> ticks;
   for (int k = 0; k <= 100; ++k) {
-    pairing.add_truth(sample(k, 0.001 * k));
+    pairing.add_truth(truth(k, 0.001 * k));
     if (k % 10 != 0) continue;
     const int tick = k / 10;
-    const SyncRow* row = pairing.add_estimate(sample(tick, 0.01 * tick));
+    const SyncRow* row = pairing.add_estimate(estimate(tick, 0.01 * tick));
     ASSERT_NE(row, nullptr) << k;
     ticks.push_back(row->k);
     EXPECT_EQ(row->t, 0.01 * tick);
@@ -98,31 +108,34 @@ TEST(PairingTest, TicksMayDifferAndRowHasTickOfEstimate) {
 
 TEST(PairingTest, SameInstantIsWithinRelativeBillionth) {
   Pairing pairing(two_masses());
-  pairing.add_truth(sample(1, 1.0));
-  EXPECT_EQ(pairing.add_estimate(sample(1, 1.0 + 3e-9)), nullptr);
-  EXPECT_NE(pairing.add_estimate(sample(1, 1.0 - 0.9e-9)), nullptr);
+  pairing.add_truth(truth(1, 1.0));
+  EXPECT_EQ(pairing.add_estimate(estimate(1, 1.0 + 3e-9)), nullptr);
+  EXPECT_NE(pairing.add_estimate(estimate(1, 1.0 - 0.9e-9)), nullptr);
 }
 
 TEST(PairingTest, ReplicaMayHaveFewerModes) {
   Pairing pairing(two_masses());
-  StateSample truth = sample(0, 0.0);
-  truth.u = Eigen::Vector2d(0.0, 3.0);
-  pairing.add_truth(truth);
-  EstimateSample estimate = sample(0, 0.0);
-  estimate.q = estimate.u = Eigen::VectorXd::Zero(1);
-  const SyncRow* row = pairing.add_estimate(estimate);
+  state_t state = truth(0, 0.0);
+  state.u = {0.0, 3.0};
+  pairing.add_truth(state);
+  estimate_t smaller = estimate(0, 0.0);
+  smaller.f = 1;
+  smaller.q = smaller.u = {0.0};
+  const SyncRow* row = pairing.add_estimate(smaller);
   ASSERT_NE(row, nullptr);
   EXPECT_EQ(row->energy, Eigen::Vector3d(9.0, 0.0, 9.0));
 }
 
 TEST(PairingTest, WrongSizesAreRefusedAndCounted) {
   Pairing pairing(two_masses());
-  StateSample truth = sample(0, 0.0);
-  truth.q = truth.u = Eigen::VectorXd::Zero(1);
-  EXPECT_EQ(pairing.add_truth(truth), nullptr);
-  EstimateSample estimate = sample(0, 0.0);
-  estimate.q = estimate.u = Eigen::VectorXd::Zero(3);
-  EXPECT_EQ(pairing.add_estimate(estimate), nullptr);
+  state_t smaller = truth(0, 0.0);
+  smaller.f = 1;
+  smaller.q = smaller.u = {0.0};
+  EXPECT_EQ(pairing.add_truth(smaller), nullptr);
+  estimate_t larger = estimate(0, 0.0);
+  larger.f = 3;
+  larger.q = larger.u = {0.0, 0.0, 0.0};
+  EXPECT_EQ(pairing.add_estimate(larger), nullptr);
   EXPECT_EQ(pairing.figures().wrong_truth_size, 1);
   EXPECT_EQ(pairing.figures().wrong_estimate_size, 1);
   EXPECT_EQ(pairing.waiting_truth() + pairing.waiting_estimate(), 0U);
@@ -130,12 +143,12 @@ TEST(PairingTest, WrongSizesAreRefusedAndCounted) {
 
 TEST(PairingTest, DoubledAndLateSamplesGiveNoRow) {
   Pairing pairing(two_masses());
-  pairing.add_truth(sample(0, 0.0));
-  pairing.add_truth(sample(0, 0.0));
+  pairing.add_truth(truth(0, 0.0));
+  pairing.add_truth(truth(0, 0.0));
   EXPECT_EQ(pairing.figures().doubled, 1);
-  EXPECT_NE(pairing.add_estimate(sample(0, 0.0)), nullptr);
-  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0)), nullptr);
-  EXPECT_EQ(pairing.add_truth(sample(0, 0.0)), nullptr);
+  EXPECT_NE(pairing.add_estimate(estimate(0, 0.0)), nullptr);
+  EXPECT_EQ(pairing.add_estimate(estimate(0, 0.0)), nullptr);
+  EXPECT_EQ(pairing.add_truth(truth(0, 0.0)), nullptr);
   EXPECT_EQ(pairing.figures().late, 2);
   EXPECT_EQ(pairing.figures().rows, 1);
 }
@@ -144,9 +157,9 @@ TEST(PairingTest, LostSamplesLoseOnlyTheirRows) {
   Pairing pairing(two_masses());
   std::vector<std::int64_t> ticks;
   for (int k = 0; k < 100; ++k) {
-    if (k % 7 != 3) pairing.add_truth(sample(k, 0.1 * k));
+    if (k % 7 != 3) pairing.add_truth(truth(k, 0.1 * k));
     if (k % 5 == 2) continue;
-    if (const SyncRow* row = pairing.add_estimate(sample(k, 0.1 * k))) ticks.push_back(row->k);
+    if (const SyncRow* row = pairing.add_estimate(estimate(k, 0.1 * k))) ticks.push_back(row->k);
   }
   std::vector<std::int64_t> expected;
   for (int k = 0; k < 100; ++k)
@@ -163,12 +176,12 @@ TEST(PairingTest, LostSamplesLoseOnlyTheirRows) {
 
 TEST(PairingTest, NewSessionReplacesOldOne) {
   Pairing pairing(two_masses());
-  pairing.add_truth(sample(50, 5.0, 0.0, 1));
-  EXPECT_NE(pairing.add_estimate(sample(50, 5.0, 1.0, 1)), nullptr);
-  pairing.add_truth(sample(0, 0.0, 0.0, 2));
-  EXPECT_EQ(pairing.add_estimate(sample(0, 0.0, 0.0, 1)), nullptr);  // of the previous master
-  EXPECT_EQ(pairing.add_truth(sample(51, 5.1, 0.0, 1)), nullptr);
-  const SyncRow* row = pairing.add_estimate(sample(0, 0.0, 4.0, 2));
+  pairing.add_truth(truth(50, 5.0, 0.0, 1));
+  EXPECT_NE(pairing.add_estimate(estimate(50, 5.0, 1.0, 1)), nullptr);
+  pairing.add_truth(truth(0, 0.0, 0.0, 2));
+  EXPECT_EQ(pairing.add_estimate(estimate(0, 0.0, 0.0, 1)), nullptr);  // of the previous master
+  EXPECT_EQ(pairing.add_truth(truth(51, 5.1, 0.0, 1)), nullptr);
+  const SyncRow* row = pairing.add_estimate(estimate(0, 0.0, 4.0, 2));
   ASSERT_NE(row, nullptr);
   EXPECT_EQ(row->energy[0], 24.0);
   EXPECT_EQ(pairing.figures().sessions, 2);
@@ -178,18 +191,19 @@ TEST(PairingTest, NewSessionReplacesOldOne) {
 
 TEST(PairingTest, EstimatesMayPrecedeFirstStateOfSession) {
   Pairing pairing(two_masses());
-  pairing.add_truth(sample(0, 0.0, 0.0, 1));
-  for (int k = 0; k < 3; ++k) EXPECT_EQ(pairing.add_estimate(sample(k, 0.1 * k, 0.0, 2)), nullptr);
+  pairing.add_truth(truth(0, 0.0, 0.0, 1));
+  for (int k = 0; k < 3; ++k)
+    EXPECT_EQ(pairing.add_estimate(estimate(k, 0.1 * k, 0.0, 2)), nullptr);
   EXPECT_EQ(pairing.session(), 1);
-  for (int k = 0; k < 3; ++k) EXPECT_NE(pairing.add_truth(sample(k, 0.1 * k, 0.0, 2)), nullptr);
+  for (int k = 0; k < 3; ++k) EXPECT_NE(pairing.add_truth(truth(k, 0.1 * k, 0.0, 2)), nullptr);
 }
 
 TEST(PairingTest, MemoryIsBounded) {
   Pairing pairing(two_masses(), 10);
   for (int k = 0; k < 1000; ++k) {
-    pairing.add_truth(sample(k, k, 0.0, 1));
-    pairing.add_estimate(sample(k, k + 0.5, 0.0, 2));  // another session, then other instants
-    pairing.add_estimate(sample(k, k + 0.5, 0.0, 1));
+    pairing.add_truth(truth(k, k, 0.0, 1));
+    pairing.add_estimate(estimate(k, k + 0.5, 0.0, 2));  // another session, then other instants
+    pairing.add_estimate(estimate(k, k + 0.5, 0.0, 1));
   }
   EXPECT_EQ(pairing.waiting_truth(), 10U);
   EXPECT_EQ(pairing.waiting_estimate(), 20U);
@@ -201,8 +215,8 @@ TEST(PairingTest, FiguresReportLargestGrowthOfV) {
   Pairing pairing(two_masses());
   const double q[] = {4.0, 2.0, 3.0, 1.0, 1.5};
   for (int k = 0; k < 5; ++k) {
-    pairing.add_truth(sample(k, k, q[k]));
-    pairing.add_estimate(sample(k, k));
+    pairing.add_truth(truth(k, k, q[k]));
+    pairing.add_estimate(estimate(k, k));
   }
   EXPECT_EQ(pairing.figures().first_v, 24.0);
   EXPECT_EQ(pairing.figures().last_v, 3.375);
@@ -363,14 +377,14 @@ class LiveTest : public SyncLoggerTest {
   void publish(const char* channel, std::span<const std::uint8_t> bytes) {
     ASSERT_TRUE(bus_.publish(channel, bytes));
   }
-  void publish_truth(const StateSample& truth) { publish(truth_channel, encode(truth, buffer_)); }
-  void publish_estimate(const char* channel, const EstimateSample& estimate) {
-    publish(channel, encode(estimate, buffer_));
+  void publish_truth(const state_t& state) { publish(truth_channel, encode(state, buffer_)); }
+  void publish_estimate(const char* channel, const estimate_t& of) {
+    publish(channel, encode(of, buffer_));
   }
   /// Truth and settled estimate of tick k at k/10, with V = 1.5 q1^2.
   void publish_pair(int k, double q1, std::int64_t session = 1) {
-    publish_truth(sample(k, 0.1 * k, q1, session));
-    publish_estimate(settled_channel, sample(k, 0.1 * k, 0.0, session));
+    publish_truth(truth(k, 0.1 * k, q1, session));
+    publish_estimate(settled_channel, estimate(k, 0.1 * k, 0.0, session));
   }
 
   std::string url_ = test::udp_url();
@@ -403,7 +417,7 @@ TEST_F(LiveTest, EndsWithoutLastMessage) {
   Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
-  publish_truth(sample(10, 1.0));
+  publish_truth(truth(10, 1.0));
   EXPECT_EQ(process.exit_code(), 0);
   EXPECT_NE(process.said().find("the last row did not come"), std::string::npos);
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
@@ -441,9 +455,9 @@ TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
   Process process(arguments({"--csv", path("sync.csv"), "--now", "--duration", "1"}));
   ASSERT_TRUE(process.says("listening"));
   for (int k = 0; k <= 10; ++k) {
-    publish_estimate(estimate_channel, sample(k, 0.1 * k, 7.0));
+    publish_estimate(estimate_channel, estimate(k, 0.1 * k, 7.0));
     // Corrected after a late event: the last estimate counts.
-    publish_estimate(estimate_channel, sample(k, 0.1 * k, 1.0));
+    publish_estimate(estimate_channel, estimate(k, 0.1 * k, 1.0));
     publish_pair(k, 2.0);
   }
   EXPECT_EQ(process.exit_code(), 0);
@@ -460,10 +474,10 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
   ASSERT_TRUE(process.says("listening"));
   ContactMessage contacts;
   contacts.contacts = 1;
-  EncodedContacts message;
+  std::vector<std::uint8_t> message;
   encode(contacts, message);
   publish(contacts_channel, message);
-  publish_estimate(estimate_channel, sample(0, 0.0));
+  publish_estimate(estimate_channel, estimate(0, 0.0));
   publish("SPRAG_OTHER", std::vector<std::uint8_t>{1, 2});
   publish("ELSEWHERE", std::vector<std::uint8_t>{1, 2});
   publish_pair(0, 1.0);
@@ -549,11 +563,11 @@ TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
       contacts.session = 1;
       contacts.contacts = 1;
       contacts.sequence = k;
-      EncodedContacts message;
+      std::vector<std::uint8_t> message;
       encode(contacts, message);
       if (is_there(contacts_channel)) publish(contacts_channel, message);
-      if (is_there(truth_channel)) publish_truth(sample(k, 0.1 * k, 1.0));
-      if (is_there(settled_channel)) publish_estimate(settled_channel, sample(k, 0.1 * k));
+      if (is_there(truth_channel)) publish_truth(truth(k, 0.1 * k, 1.0));
+      if (is_there(settled_channel)) publish_estimate(settled_channel, estimate(k, 0.1 * k));
     }
     const std::string what = std::string("lost on the way here: 3 ") +
                              (lost == contacts_channel ? "messages" : "ticks") + " of " + lost +
@@ -599,9 +613,10 @@ TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
   ASSERT_TRUE(process.says("listening"));
   publish(truth_channel, std::vector<std::uint8_t>{1, 2, 3});
   publish(settled_channel, std::vector<std::uint8_t>(500));
-  publish_truth(sample(0, -1.0));
-  StateSample larger = sample(0, 0.0);
-  larger.q = larger.u = Eigen::VectorXd::Zero(3);
+  publish_truth(truth(0, -1.0));
+  state_t larger = truth(0, 0.0);
+  larger.f = 3;
+  larger.q = larger.u = {0.0, 0.0, 0.0};
   publish_truth(larger);
   publish_truth(larger);
   publish_pair(0, 1.0);

@@ -10,7 +10,7 @@
 #include <random>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/observer.h"
 #include "sprag/scene_file.h"
@@ -157,18 +157,23 @@ uncertainty = [0.1, 0.1]
                      "two_carriages.toml");
 }
 
-EstimateSample estimate_at(std::int64_t tick, double q, double sigma) {
-  EstimateSample sample;
-  sample.session = 5;
-  sample.tick = tick;
-  sample.t = 0.01 * static_cast<double>(tick);
-  sample.q = Eigen::Vector2d(-q, q);
-  sample.u = Eigen::Vector2d::Zero();
-  Confidence& confidence = sample.confidence;
-  confidence.has_replica = confidence.has_filter = confidence.from_filter = true;
-  confidence.sigma_q = confidence.sigma_u = Eigen::Vector2d::Constant(sigma);
-  confidence.sigma_g = Eigen::VectorXd::Constant(1, sigma);
-  return sample;
+estimate_t estimate_at(std::int64_t tick, double q, double sigma) {
+  estimate_t estimate{};
+  estimate.session = 5;
+  estimate.tick = tick;
+  estimate.t = 0.01 * static_cast<double>(tick);
+  estimate.f = 2;
+  estimate.q = {-q, q};
+  estimate.u = {0.0, 0.0};
+  estimate.estimators = 3;
+  estimate.from_filter = 1;
+  estimate.bound = infinity;
+  estimate.deviations = 2;
+  estimate.sigma_q = estimate.sigma_u = {sigma, sigma};
+  estimate.gaps = 1;
+  estimate.sigma_g = {sigma};
+  estimate.closing = estimate.suspect_t = -1.0;
+  return estimate;
 }
 
 ContactMessage contacts_at(double horizon, std::int64_t sequence) {
@@ -208,13 +213,14 @@ TEST(Watch, LastEstimateOfTickIsShown) {
 }
 
 // The bounds of another process' observer at one tick: q1, q2, g1.
-BoundsSample bounds_at(std::int64_t tick, std::vector<double> half_widths) {
-  BoundsSample sample;
+bounds_t bounds_at(std::int64_t tick, std::vector<double> half_widths) {
+  bounds_t sample{};
   sample.session = 5;
   sample.tick = tick;
   sample.t = 0.01 * static_cast<double>(tick);
-  sample.names = {"q1", "q2", "g1"};
-  sample.half_widths = std::move(half_widths);
+  sample.n = 3;
+  sample.name = {"q1", "q2", "g1"};
+  sample.half_width = std::move(half_widths);
   return sample;
 }
 
@@ -241,35 +247,24 @@ TEST(Watch, GuaranteedBandIsAroundSettledEstimateOfItsTick) {
   EXPECT_TRUE(std::isnan(band(2).values[0][1])) << "nothing is guaranteed";
   EXPECT_TRUE(std::isnan(band(2).values[1][1]));
 
-  BoundsSample other = bounds_at(2, {0.1, 0.2, 0.3});
+  bounds_t other = bounds_at(2, {0.1, 0.2, 0.3});
   other.session = 6;
   watch.take(other, {7, 0});
   EXPECT_EQ(watch.of_others(), 1);
   for (const std::size_t count : {0U, 4U}) {
     other = bounds_at(2, std::vector<double>(count, 0.1));
-    other.names.resize(count);
+    other.n = static_cast<std::int32_t>(count);
+    other.name.resize(count);
     watch.take(other, {8, 0});
   }
   EXPECT_EQ(watch.misfits(), 2) << "other machines";
   EXPECT_EQ(band(0).t.size(), 2U);
 }
 
-TEST(Watch, InternalObserverGivesHalfWidthsWithEstimate) {
-  Watch watch(two_carriages());
-  EstimateSample sample = estimate_at(1, 0.4, 0.01);
-  sample.confidence.bound_q = Eigen::Vector2d(0.1, 0.2);
-  sample.confidence.bound_g = Eigen::VectorXd::Constant(1, 0.3);
-  watch.take_settled(sample, {1, 0});
-  const Rows band = watch.curves(0, {0.0, 1.0, 100}).guaranteed;
-  ASSERT_EQ(band.t.size(), 1U);
-  EXPECT_NEAR(band.values[0][0], 0.2, 1e-6);
-  EXPECT_NEAR(band.values[1][0], 0.8, 1e-6);
-}
-
 TEST(Watch, ReplicaHasNoDeviations) {
   Watch watch(two_carriages());
-  EstimateSample sample = estimate_at(1, 0.1, 0.01);
-  sample.confidence.from_filter = false;
+  estimate_t sample = estimate_at(1, 0.1, 0.01);
+  sample.from_filter = 0;
   watch.take_settled(sample, {1, 0});
   const Frame frame = watch.frame(2);
   EXPECT_EQ(frame.badge, Badge::replica);
@@ -282,8 +277,11 @@ TEST(Watch, InnovationsAreKeptOncePerClosing) {
   Watch watch(two_carriages());
   EXPECT_FALSE(watch.frame(0).innovation);
   const auto settle = [&](std::int64_t tick, const Innovation& closing) {
-    EstimateSample sample = estimate_at(tick, 0.1, 0.01);
-    sample.confidence.filter = closing;
+    estimate_t sample = estimate_at(tick, 0.1, 0.01);
+    sample.closing = closing.t;
+    sample.closing_contact = closing.t < 0.0 ? 0 : closing.contact + 1;
+    sample.filter_gap = closing.gap;
+    sample.sigma_filter_gap = closing.deviation;
     watch.take_settled(sample, {tick, 0});
   };
   settle(1, {});                          // before the first closing
@@ -308,8 +306,8 @@ TEST(Watch, AnEstimateInsideASupportIsMarked) {
   watch.take(contacts_at(0.0, 1), {0, 0});
   const std::vector<double> q{0.1, -0.05, -0.3, -0.2, 0.1, 0.2, -0.4};
   for (std::size_t k = 0; k < q.size(); ++k) {
-    EstimateSample sample = estimate_at(static_cast<std::int64_t>(k) + 1, q[k], infinity);
-    sample.confidence.from_filter = false;
+    estimate_t sample = estimate_at(static_cast<std::int64_t>(k) + 1, q[k], infinity);
+    sample.from_filter = 0;
     watch.take_settled(sample, {static_cast<std::int64_t>(k), 0});
     EXPECT_NEAR(watch.frame(8).penetration, std::max(-0.1 - q[k], 0.0), 1e-15);
   }
@@ -393,9 +391,9 @@ TEST(Watch, BadgeNamesSourceOfEstimate) {
 
   watch.take(contacts_at(4.0, 2), {4 * second, 0});
   watch.take_estimate(estimate_at(400, 0.1, 0.01), {4 * second, 0});
-  Health health;
+  health_t health{};
   health.session = 6;
-  health.master = Health::Master::silent;
+  health.master = static_cast<std::int8_t>(MasterState::silent);
   watch.take(health, {4 * second, 0});
   EXPECT_EQ(watch.frame(4 * second).badge, Badge::filter) << "of another run";
   health.session = 5;
@@ -407,7 +405,7 @@ TEST(Watch, OtherMasterResetsAndStrangersAreIgnored) {
   Watch watch(two_carriages());
   watch.take(contacts_at(0.0, 1), {0, 0});
   watch.take_settled(estimate_at(1, 0.1, 0.01), {0, 0});
-  EstimateSample stranger = estimate_at(2, 0.9, 0.01);
+  estimate_t stranger = estimate_at(2, 0.9, 0.01);
   stranger.session = 6;
   watch.take_settled(stranger, {1, 0});
   EXPECT_EQ(watch.of_others(), 1);
@@ -421,10 +419,11 @@ TEST(Watch, OtherMasterResetsAndStrangersAreIgnored) {
   watch.take_settled(stranger, {second + 9, 0});
   EXPECT_EQ(watch.frame(second + 9).session, 6);
   EXPECT_EQ(watch.frame(second + 9).settled->tick, 2);
-  StateSample other;
+  state_t other{};
   other.session = 6;
-  other.q = other.u = Eigen::VectorXd::Zero(3);
-  watch.take_truth(other, {second + 10, 0});
+  other.f = 3;
+  other.q = other.u = {0.0, 0.0, 0.0};
+  watch.take(other, {second + 10, 0});
   EXPECT_EQ(watch.misfits(), 1) << "a machine of three coordinates";
 }
 
@@ -455,18 +454,20 @@ TEST(Watch, EnergiesEqualThoseOfTheLogger) {
   const SyncRow* row = nullptr;
   int rows = 0;
   for (const Estimate& estimate : observer.settle()) {
-    StateSample truth;
+    const Eigen::VectorXd q = machine.q.row(estimate.tick), u = machine.u.row(estimate.tick);
+    state_t truth{};
     truth.session = 5;
     truth.tick = estimate.tick;
     truth.t = estimate.t;
-    truth.q = machine.q.row(estimate.tick);
-    truth.u = machine.u.row(estimate.tick);
-    EstimateSample sample;
-    static_cast<StateSample&>(sample) = truth;
-    sample.q = estimate.q;
-    sample.u = estimate.u;
-    sample.confidence.bound = estimate.bound;
-    watch.take_truth(truth, {rows, 0});
+    truth.f = 2;
+    truth.q.assign(q.begin(), q.end());
+    truth.u.assign(u.begin(), u.end());
+    estimate_t sample = estimate_at(estimate.tick, 0.0, 0.0);
+    sample.t = estimate.t;
+    sample.q.assign(estimate.q.begin(), estimate.q.end());
+    sample.u.assign(estimate.u.begin(), estimate.u.end());
+    sample.bound = estimate.bound;
+    watch.take(truth, {rows, 0});
     watch.take_settled(sample, {rows, 0});
     logger.add_truth(truth);
     row = logger.add_estimate(sample);
@@ -498,9 +499,11 @@ TEST(Watch, EventsOfMessagesAreTakenOnceAndSuspectsAreKept) {
   EXPECT_EQ(frame.contacts[0].events, 5u);
   EXPECT_EQ(frame.contacts[0].last, 0.5);
   EXPECT_FALSE(frame.suspect);
-  EstimateSample sample = estimate_at(60, 0.1, 0.01);
-  sample.confidence.inconsistencies = 1;
-  sample.confidence.last = {0.4, 0, Suspicion::spurious_event, 50.0};
+  estimate_t sample = estimate_at(60, 0.1, 0.01);
+  sample.inconsistencies = 1;
+  sample.suspect_t = 0.4;
+  sample.suspect_contact = 1;
+  sample.suspicion = static_cast<std::int8_t>(Suspicion::spurious_event);
   watch.take_settled(sample, {10, 0});
   ASSERT_TRUE(watch.frame(11).suspect);
   EXPECT_EQ(watch.frame(11).suspect->t, 0.4);
@@ -516,7 +519,7 @@ TEST(Watch, EventsOfMessagesHaveTheMachinesTime) {
   MessageBuilder builder(5, 2.0, 1);
   const ContactEvent event{4.0, 0, ContactEventKind::pulse};
   builder.add({&event, 1});
-  EncodedContacts bytes;
+  std::vector<std::uint8_t> bytes;
   encode(builder.next(event.t, 0), bytes);
   reception.take(contacts_channel, bytes, {1, 0});
   const Frame frame = stage.watch.frame(2);

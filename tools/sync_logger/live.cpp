@@ -14,9 +14,8 @@
 #include "command_line/program.h"
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
-#include "lcmtypes/contacts_codec.h"
 #include "lcmtypes/freshness.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/sync_logger/losses.h"
 #include "tools/sync_logger/report.h"
@@ -181,9 +180,9 @@ class Live {
   }
 
   void truth(std::int64_t arrival) {
-    if (state_.q.size() != coordinates_ && !warned_) {
-      std::cerr << "the master has " << state_.q.size() << " coordinates, the scene has "
-                << coordinates_ << ": its states are refused\n";
+    if (state_.f != coordinates_ && !warned_) {
+      std::cerr << "the master has " << state_.f << " coordinates, the scene has " << coordinates_
+                << ": its states are refused\n";
       warned_ = true;
     }
     const bool is_another = pairing_.session() != state_.session;
@@ -225,38 +224,38 @@ class Live {
     // 1 s.
     if (held_.size() < enough_states && silent < 10 * silence) return;
     truth_received_ = now;
-    for (const StateSample& state : std::exchange(held_, {})) {
+    for (const state_t& state : std::exchange(held_, {})) {
       freshness_.note(state.utime);
       pair(state);
     }
   }
 
-  void pair(const StateSample& state) {
+  void pair(const state_t& state) {
     const std::int64_t sessions = pairing_.figures().sessions;
     const SyncRow* row = pairing_.add_truth(state);
     if (pairing_.figures().sessions > sessions) {
       if (sessions > 0) std::cerr << "new session: the master was restarted\n";
       finish_.restart();
     }
-    settled_row(row, state);
+    settled_row(row, state.session, state.t);
     if (now_pairing_) write_now(now_pairing_->add_truth(state));
   }
 
   void settled() {
-    if (estimate_.q.size() > coordinates_ && !warned_) {
-      std::cerr << "the replica has " << estimate_.q.size() << " coordinates, the scene has "
+    if (estimate_.f > coordinates_ && !warned_) {
+      std::cerr << "the replica has " << estimate_.f << " coordinates, the scene has "
                 << coordinates_ << ": its estimates are refused\n";
       warned_ = true;
     }
-    settled_row(pairing_.add_estimate(estimate_), estimate_);
+    settled_row(pairing_.add_estimate(estimate_), estimate_.session, estimate_.t);
   }
 
-  void settled_row(const SyncRow* row, const StateSample& sample) {
+  void settled_row(const SyncRow* row, std::int64_t session, double t) {
     if (row != nullptr) {
       csv_.write(*row);
       finish_.row(row->t);
     }
-    if (pairing_.session() == sample.session) finish_.sample(sample.t, Clock::now());
+    if (pairing_.session() == session) finish_.sample(t, Clock::now());
   }
 
   // The estimate of a tick is repeated when late events correct it, until the next tick's arrives.
@@ -349,15 +348,15 @@ class Live {
   bool csv_failure_reported_ = false, now_failure_reported_ = false,
        record_failure_reported_ = false;
   Clock::time_point truth_received_;
-  std::vector<StateSample> held_;  // states of another session, which wait for its acceptance
+  std::vector<state_t> held_;  // states of another session, which wait for its acceptance
   std::int64_t of_other_masters_ = 0;
   std::int64_t stale_ = 0;  // messages that would have begun a session but were sent too long ago
   Finish finish_;
-  StateSample state_;
-  EstimateSample estimate_;
-  std::optional<EstimateSample> last_word_;  // latest estimate of the latest tick
+  state_t state_{};
+  estimate_t estimate_{};
+  std::optional<estimate_t> last_word_;  // latest estimate of the latest tick
   std::array<std::int64_t, refusal_kinds> refused_{};
-  ContactMessage contacts_;
+  contacts_t contacts_{};
   Losses losses_;
   std::string reported_losses_;
   Clock::time_point next_loss_line_;  // earliest time of the next line

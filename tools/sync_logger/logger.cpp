@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 namespace sprag {
 
@@ -26,11 +27,16 @@ typename Side::iterator find_instant(Side& side, double t) {
 
 }  // namespace
 
+template <class Message>
+Pairing::Sample Pairing::sample_of(const Message& message) {
+  return {message.tick, as_vector(message.q), as_vector(message.u)};
+}
+
 Pairing::Pairing(const Model& model, std::size_t window)
     : energy_(model), coordinates_(model.coordinates()), window_(window) {}
 
-const SyncRow* Pairing::add_truth(const StateSample& truth) {
-  if (truth.q.size() != coordinates_ || truth.u.size() != coordinates_) {
+const SyncRow* Pairing::add_truth(const state_t& truth) {
+  if (truth.f != coordinates_) {
     ++figures_.wrong_truth_size;
     return nullptr;
   }
@@ -42,8 +48,8 @@ const SyncRow* Pairing::add_truth(const StateSample& truth) {
   return pair(truth, truth_, estimate_);
 }
 
-const SyncRow* Pairing::add_estimate(const StateSample& estimate) {
-  if (estimate.q.size() > coordinates_ || estimate.u.size() != estimate.q.size()) {
+const SyncRow* Pairing::add_estimate(const estimate_t& estimate) {
+  if (estimate.f > coordinates_) {
     ++figures_.wrong_estimate_size;
     return nullptr;
   }
@@ -54,23 +60,24 @@ const SyncRow* Pairing::add_estimate(const StateSample& estimate) {
   if (session_ == estimate.session) return pair(estimate, estimate_, truth_);
   if (early_session_ != estimate.session) drop(early_, early_.end());
   early_session_ = estimate.session;
-  keep(estimate, early_);
+  keep(estimate.t, sample_of(estimate), early_);
   return nullptr;
 }
 
-const SyncRow* Pairing::pair(const StateSample& sample, Side& own, Side& other) {
-  if (last_t_ && sample.t <= *last_t_ * (1.0 + same_instant)) {
+template <class Message>
+const SyncRow* Pairing::pair(const Message& message, Side& own, Side& other) {
+  if (last_t_ && message.t <= *last_t_ * (1.0 + same_instant)) {
     ++figures_.late;
     return nullptr;
   }
-  const auto match = find_instant(other, sample.t);
+  const auto match = find_instant(other, message.t);
   if (match == other.end()) {
-    keep(sample, own);
+    keep(message.t, sample_of(message), own);
     return nullptr;
   }
-  const Sample here{sample.tick, sample.q, sample.u};
+  const Sample here = sample_of(message);
   const bool is_truth = &own == &truth_;
-  const double t = is_truth ? match->first : sample.t;
+  const double t = is_truth ? match->first : message.t;
   const SyncRow* row =
       is_truth ? make_row(here, t, match->second) : make_row(match->second, t, here);
   // Rows have ascending t, so earlier samples cannot be paired any more.
@@ -80,9 +87,8 @@ const SyncRow* Pairing::pair(const StateSample& sample, Side& own, Side& other) 
   return row;
 }
 
-void Pairing::keep(const StateSample& sample, Side& side) {
-  const auto [place, is_new] = side.try_emplace(sample.t, Sample{sample.tick, sample.q, sample.u});
-  if (!is_new) ++figures_.doubled;
+void Pairing::keep(double t, Sample sample, Side& side) {
+  if (!side.try_emplace(t, std::move(sample)).second) ++figures_.doubled;
   if (side.size() > window_) drop(side, std::next(side.begin()));
 }
 

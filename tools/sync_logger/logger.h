@@ -10,7 +10,7 @@
 #include <map>
 #include <optional>
 
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "sprag/energy.h"
 
 namespace sprag {
@@ -47,8 +47,8 @@ class Pairing {
   /// valid until the next call. The instant is the same if session and time agree, the time to a
   /// relative 1e-9; ticks may differ. Rows have ascending t. Only a state can begin a new session,
   /// with which the rows start again.
-  const SyncRow* add_truth(const StateSample& truth);
-  const SyncRow* add_estimate(const StateSample& estimate);
+  const SyncRow* add_truth(const state_t& truth);
+  const SyncRow* add_estimate(const estimate_t& estimate);
 
   const SyncFigures& figures() const { return figures_; }
 
@@ -61,13 +61,16 @@ class Pairing {
 
  private:
   struct Sample {
-    std::int64_t tick;
+    std::int64_t tick = 0;
     Eigen::VectorXd q, u;
   };
   using Side = std::map<double, Sample>;  // by time
 
-  const SyncRow* pair(const StateSample& sample, Side& own, Side& other);
-  void keep(const StateSample& sample, Side& side);
+  template <class Message>
+  static Sample sample_of(const Message& message);
+  template <class Message>
+  const SyncRow* pair(const Message& message, Side& own, Side& other);
+  void keep(double t, Sample sample, Side& side);
   void drop(Side& side, Side::iterator end);
   const SyncRow* make_row(const Sample& truth, double t, const Sample& estimate);
   void begin_session(std::int64_t session);

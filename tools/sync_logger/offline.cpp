@@ -13,12 +13,13 @@ namespace sprag {
 
 namespace {
 
-/// One of the two files and its next row.
+/// One of the two files, and its next row as a message.
+template <class Message>
 class Source {
  public:
   explicit Source(const std::filesystem::path& file) : file_(file), reader_(file) { advance(); }
 
-  const StateSample* head() const { return has_head_ ? &head_ : nullptr; }
+  const Message* head() const { return has_head_ ? &head_ : nullptr; }
   Eigen::Index coordinates() const { return reader_.coordinates(); }
 
   void advance() {
@@ -26,8 +27,9 @@ class Source {
     if (!has_head_) return;
     head_.tick = row_.k;
     head_.t = row_.t;
-    head_.q = row_.q;
-    head_.u = row_.u;
+    head_.f = static_cast<std::int32_t>(row_.q.size());
+    head_.q.assign(row_.q.begin(), row_.q.end());
+    head_.u.assign(row_.u.begin(), row_.u.end());
   }
 
   /// Reports damage of the file on stderr and in the report; returns whether there is any.
@@ -44,15 +46,15 @@ class Source {
   std::filesystem::path file_;
   StatesReader reader_;
   StateRow row_;
-  StateSample head_;
+  Message head_{};
   bool has_head_ = false;
 };
 
 }  // namespace
 
 int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ordered_json& report) {
-  Source truth(options.truth);
-  Source estimate(options.estimate);
+  Source<state_t> truth(options.truth);
+  Source<estimate_t> estimate(options.estimate);
   const std::string f = std::to_string(model.coordinates());
   if (truth.coordinates() != model.coordinates())
     throw InputError(options.truth.string() + ": has " + std::to_string(truth.coordinates()) +
@@ -66,11 +68,14 @@ int run_offline(const Model& model, const OfflineOptions& options, nlohmann::ord
   while (!stop_requested() && (truth.head() != nullptr || estimate.head() != nullptr)) {
     const bool truth_next = estimate.head() == nullptr ||
                             (truth.head() != nullptr && truth.head()->t <= estimate.head()->t);
-    Source& next = truth_next ? truth : estimate;
     const SyncRow* row =
-        truth_next ? pairing.add_truth(*next.head()) : pairing.add_estimate(*next.head());
+        truth_next ? pairing.add_truth(*truth.head()) : pairing.add_estimate(*estimate.head());
     if (row != nullptr) csv.write(*row);
-    next.advance();
+    if (truth_next) {
+      truth.advance();
+    } else {
+      estimate.advance();
+    }
   }
 
   report.update(to_json(pairing));

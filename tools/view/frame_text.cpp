@@ -65,37 +65,13 @@ void put_rows(const char* name, const Rows& rows, std::initializer_list<const ch
   to.close('}');
 }
 
-void put_times(const char* name, const Health::Times& times, JsonText& to) {
+void put_times(const char* name, double p50, double p99, double max, JsonText& to) {
   to.key(name);
   to.open('{');
-  to.member("p50", times.p50);
-  to.member("p99", times.p99);
-  to.member("max", times.max);
+  to.member("p50", p50);
+  to.member("p99", p99);
+  to.member("max", max);
   to.close('}');
-}
-
-const char* name(Health::Input input) {
-  switch (input) {
-    case Health::Input::received:
-      return "heard";
-    case Health::Input::silent:
-      return "silent";
-    default:
-      return "none";
-  }
-}
-
-const char* name(Health::Master master) {
-  switch (master) {
-    case Health::Master::received:
-      return "heard";
-    case Health::Master::silent:
-      return "silent";
-    case Health::Master::ended:
-      return "ended";
-    default:
-      return "awaited";
-  }
 }
 
 }  // namespace
@@ -261,17 +237,19 @@ void put_health(const Watch& watch, double age, JsonText& to) {
   if (const auto& health = watch.health()) {
     to.open('{');
     to.member("age", age);
-    to.member("last", health->last);
-    to.member("master", name(health->master));
-    to.member("input", name(health->input));
+    constexpr std::array<const char*, 4> masters{"awaited", "heard", "silent", "ended"};
+    constexpr std::array<const char*, 3> inputs{"none", "heard", "silent"};
+    to.member("last", health->last == 1);
+    to.member("master", masters[static_cast<std::size_t>(health->master)]);
+    to.member("input", inputs[static_cast<std::size_t>(health->input)]);
     to.member("tick", health->tick);
     to.member("t", health->t);
     to.member("period", health->period);
     to.member("real_time_factor", health->real_time_factor);
     to.member("speed", health->speed);
     to.member("latencies", health->latencies);
-    put_times("latency", health->latency, to);
-    put_times("lateness", health->lateness, to);
+    put_times("latency", health->latency_p50, health->latency_p99, health->latency_max, to);
+    put_times("lateness", health->lateness_p50, health->lateness_p99, health->lateness_max, to);
     to.member("sessions", health->sessions);
     to.member("ticks", health->ticks);
     to.member("deadlines", health->deadlines);
@@ -294,8 +272,8 @@ void put_health(const Watch& watch, double age, JsonText& to) {
     to.member("unsent", health->unsent);
     to.key("refused");
     to.open('{');
-    for (const RefusedCount& refused : health->refused) {
-      to.member(std::string_view(refused.cause), refused.count);
+    for (std::size_t i = 0; i < health->cause.size(); ++i) {
+      to.member(std::string_view(health->cause[i]), health->refused[i]);
     }
     to.close('}');
     to.close('}');

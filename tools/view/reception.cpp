@@ -1,8 +1,7 @@
 #include "tools/view/reception.h"
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/contact_messages.h"
 
 namespace sprag::view {
 namespace {
@@ -37,7 +36,7 @@ void Reception::take(std::string_view channel, std::span<const std::uint8_t> dat
   } else if (channel == settled_channel) {
     decoded(data, estimate_, [&](Watch& watch) { watch.take_settled(estimate_, arrival); });
   } else if (channel == truth_channel) {
-    decoded(data, state_, [&](Watch& watch) { watch.take_truth(state_, arrival); });
+    decoded(data, state_, [&](Watch& watch) { watch.take(state_, arrival); });
   } else if (channel == outputs_channel) {
     decoded(data, outputs_, [&](Watch& watch) { watch.take(outputs_, arrival); });
   } else if (channel == bounds_channel) {

@@ -36,12 +36,12 @@ class Reception {
   std::int64_t messages_ = 0;
   std::array<std::int64_t, refusal_kinds> refused_{};
   ContactMessage contacts_;
-  EstimateSample estimate_;
-  StateSample state_;
-  OutputsSample outputs_;
-  BoundsSample bounds_;
-  ParametersSample parameters_;
-  Health health_;
+  estimate_t estimate_{};
+  state_t state_{};
+  outputs_t outputs_{};
+  bounds_t bounds_{};
+  parameters_t parameters_{};
+  health_t health_{};
   InputMessage input_;
 };
 

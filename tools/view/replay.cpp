@@ -9,9 +9,9 @@
 #include <optional>
 #include <thread>
 
-#include "lcmtypes/contacts_codec.h"
-#include "lcmtypes/input_codec.h"
+#include "lcmtypes/contact_messages.h"
 #include "observer/estimation.h"
+#include "observer/messages.h"
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
 #include "sprag/detail/events/message_builder.h"
@@ -62,6 +62,7 @@ class OwnObserver {
       : estimation_(scene, options_of(tick), only_tick_kept),
         sessions_(Freshness::any, tick),
         sample_(estimation_.empty_sample()),
+        outputs_(scene.model.outputs),
         stage_(stage) {}
 
   void take(const ContactMessage& message, const Arrival& arrival) {
@@ -93,8 +94,17 @@ class OwnObserver {
           check_interrupt();
           estimation_.describe(state, true, sample_);
           sample_.settled_tick = state.tick;
+          fill(estimate_, sample_);
           const std::lock_guard lock(stage_.mutex);
-          stage_.watch.take_settled(sample_, arrival);
+          stage_.watch.take_settled(estimate_, arrival);
+          if (sample_.confidence.sigma_outputs.size() > 0) {
+            fill(outputs_message_, sample_, true, outputs_);
+            stage_.watch.take(outputs_message_, arrival);
+          }
+          if (sample_.confidence.bound_q.size() > 0) {
+            fill(bounds_, sample_, outputs_);
+            stage_.watch.take(bounds_, arrival);
+          }
           return true;
         });
   }
@@ -108,6 +118,10 @@ class OwnObserver {
   Estimation estimation_;
   SessionTracker sessions_;
   EstimateSample sample_;
+  std::vector<Output> outputs_;
+  estimate_t estimate_{};
+  outputs_t outputs_message_{};
+  bounds_t bounds_{};
   Stage& stage_;
 };
 

@@ -62,11 +62,13 @@ std::size_t pairing_window(Eigen::Index coordinates) {
   return std::clamp<std::size_t>((16U << 20U) / bytes, 1000, 20000);
 }
 
-Shown shown(const StateSample& sample) { return {sample.tick, sample.t, sample.q, sample.u}; }
+template <class Message>
+Shown shown(const Message& sample) {
+  return {sample.tick, sample.t, as_vector(sample.q), as_vector(sample.u)};
+}
 
-double sigma_at(const Eigen::VectorXd& sigmas, std::size_t i) {
-  const auto at = static_cast<Eigen::Index>(i);
-  return at < sigmas.size() ? sigmas[at] : std::numeric_limits<double>::infinity();
+double sigma_at(const std::vector<double>& sigmas, std::size_t i) {
+  return i < sigmas.size() ? sigmas[i] : std::numeric_limits<double>::infinity();
 }
 
 // Writes mean - 2 sigma, mean, mean + 2 sigma; nan for the first and last if sigma is unknown.
@@ -182,24 +184,19 @@ void Watch::take(const ContactMessage& message, const Arrival& arrival) {
   events_.drop(events_.events().size());
 }
 
-bool Watch::fits(const StateSample& sample, bool whole) {
-  const bool fit =
-      sample.u.size() == sample.q.size() && (whole ? sample.q.size() == f_ : sample.q.size() <= f_);
-  if (!fit) ++misfits_;
-  return fit;
-}
-
-double Watch::value_of(const Quantity& quantity, const Eigen::VectorXd& q, const Eigen::VectorXd& u,
-                       double t) const {
-  const auto i = static_cast<Eigen::Index>(quantity.index);
-  const Eigen::Index n = q.size();
+template <class Message>
+double Watch::value_of(const Quantity& quantity, const Message& message) const {
+  const Eigen::Index n = message.f;
+  const auto q = as_vector(message.q), u = as_vector(message.u);
   switch (quantity.kind) {
     case Quantity::Kind::gap: {
       const Contact& contact = scene_.model.contacts[quantity.index];
-      return contact.w.head(n).dot(q) + support_motion(contact, t) + contact.clearance;
+      return contact.w.head(n).dot(q) + support_motion(contact, message.t) + contact.clearance;
     }
-    case Quantity::Kind::coordinate:
+    case Quantity::Kind::coordinate: {
+      const auto i = static_cast<Eigen::Index>(quantity.index);
       return i < n ? q[i] : 0.0;
+    }
     case Quantity::Kind::output: {
       const Output& output = scene_.model.outputs[quantity.index];
       return output.direction.head(n).dot(output.velocity ? u : q);
@@ -208,19 +205,17 @@ double Watch::value_of(const Quantity& quantity, const Eigen::VectorXd& q, const
   return nan;
 }
 
-std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
-  const Confidence& confidence = sample.confidence;
+std::vector<double> Watch::estimate_row(const estimate_t& sample) const {
   std::vector<double> row(3 * without_outputs(quantities_));
   double* to = row.data();
   for (const Quantity& quantity : quantities_) {
     if (quantity.kind == Quantity::Kind::output) continue;
     const bool is_gap = quantity.kind == Quantity::Kind::gap;
     // Only the filter's estimate has deviations.
-    const double sigma =
-        confidence.from_filter
-            ? sigma_at(is_gap ? confidence.sigma_g : confidence.sigma_q, quantity.index)
-            : nan;
-    put_band(value_of(quantity, sample.q, sample.u, sample.t), sigma, to);
+    const double sigma = sample.from_filter == 1
+                             ? sigma_at(is_gap ? sample.sigma_g : sample.sigma_q, quantity.index)
+                             : nan;
+    put_band(value_of(quantity, sample), sigma, to);
     to += 3;
   }
   return row;
@@ -228,13 +223,14 @@ std::vector<double> Watch::estimate_row(const EstimateSample& sample) const {
 
 // Messages do not carry the penetration. The estimate of an adaptive filter obeys its own estimated
 // supports, so the scene's gaps give no penetration for it.
-double Watch::penetration_of(const EstimateSample& sample) const {
-  if (parameters_ && sample.confidence.from_filter) return 0.0;
-  return penetration(scene_.model.contacts, sample.q, sample.t, sample.confidence.sigma_g, length_);
+double Watch::penetration_of(const estimate_t& sample) const {
+  if (parameters_ && sample.from_filter == 1) return 0.0;
+  return penetration(scene_.model.contacts, as_vector(sample.q), sample.t,
+                     as_vector(sample.sigma_g), length_);
 }
 
-void Watch::take_estimate(const EstimateSample& sample, const Arrival& arrival) {
-  if (!fits(sample, false) || !follows(sample.session, sample.utime, arrival)) return;
+void Watch::take_estimate(const estimate_t& sample, const Arrival& arrival) {
+  if (!fits(sample.f <= f_) || !follows(sample.session, sample.utime, arrival)) return;
   const bool newer = !latest_ || sample.t >= latest_->t ||
                      arrival.monotonic - estimate_arrival_ > another_estimate;
   if (newer) {
@@ -246,7 +242,7 @@ void Watch::take_estimate(const EstimateSample& sample, const Arrival& arrival) 
 
 // If no estimate settles for long, every second sample is dropped and the minimum distance grows,
 // so that the samples span all of the time since the last settled estimate.
-void Watch::keep_provisional(const EstimateSample& sample) {
+void Watch::keep_provisional(const estimate_t& sample) {
   if (provisional_.size() < most_provisional / 4) spacing_ = 0.0;
   if (provisional_.size() > 1 && sample.t > provisional_.rbegin()->first) {
     const auto last = std::prev(provisional_.end());
@@ -259,74 +255,38 @@ void Watch::keep_provisional(const EstimateSample& sample) {
   spacing_ = 2.0 * (provisional_.rbegin()->first - provisional_.begin()->first) / most_provisional;
 }
 
-void Watch::take_settled(const EstimateSample& sample, const Arrival& arrival) {
-  if (!fits(sample, false) || !follows(sample.session, sample.utime, arrival)) return;
+void Watch::take_settled(const estimate_t& sample, const Arrival& arrival) {
+  if (!fits(sample.f <= f_) || !follows(sample.session, sample.utime, arrival)) return;
   estimate_arrival_ = std::max(estimate_arrival_, arrival.monotonic);
   if (!estimates_.add(sample.t, estimate_row(sample))) return;
-  const double bound = sample.confidence.bound;
-  bounds_.add(sample.t, std::span(&bound, 1));
-  const Eigen::VectorXd& sigmas = sample.confidence.sigma_outputs;
-  if (sigmas.size() > 0) {
-    std::vector<double> values;
-    for (const Output& output : scene_.model.outputs) {
-      values.push_back(value(output, sample.q, sample.u));
-    }
-    add_outputs(sample.t, values, std::span(sigmas.data(), values.size()));
-  }
-  // Estimate messages carry no half-widths; samples of the observer inside this program do.
-  if (sample.confidence.bound_q.size() > 0) add_guaranteed(sample, sample.confidence);
+  bounds_.add(sample.t, std::span(&sample.bound, 1));
   settled_ = sample;
   const bool inside = penetration_of(sample) > 0.0;
   if (inside != penetrating_.closed(0)) {
     penetrating_.add({sample.t, 0, inside ? ContactEventKind::closes : ContactEventKind::opens});
   }
   provisional_.erase(provisional_.begin(), provisional_.upper_bound(sample.t));
-  const Inconsistency& last = sample.confidence.last;
-  inconsistencies_ = sample.confidence.inconsistencies;
-  if (last.t >= 0.0 && (suspects_.empty() || suspects_.back().t != last.t)) {
-    suspects_.push_back({last.t, last.contact, last.suspicion});
+  inconsistencies_ = sample.inconsistencies;
+  if (sample.suspect_t >= 0.0 && (suspects_.empty() || suspects_.back().t != sample.suspect_t)) {
+    suspects_.push_back({sample.suspect_t, std::max(sample.suspect_contact - 1, 0),
+                         static_cast<Suspicion>(sample.suspicion)});
     if (suspects_.size() > most_suspects) suspects_.pop_front();
   }
-  add_innovation(sample.confidence.filter);
+  add_innovation(sample);
   add_energy(pairing_.add_estimate(sample));
 }
 
-void Watch::add_outputs(double t, std::span<const double> values, std::span<const double> sigmas) {
-  std::vector<double> row(3 * values.size());
-  for (std::size_t i = 0; i < values.size(); ++i) put_band(values[i], sigmas[i], &row[3 * i]);
-  outputs_.add(t, row);
-}
-
-void Watch::add_guaranteed(const EstimateSample& sample, const Confidence& half_widths) {
-  std::vector<double> row;
-  row.reserve(2 * quantities_.size());
-  for (const Quantity& quantity : quantities_) {
-    const Eigen::VectorXd& kind = quantity.kind == Quantity::Kind::gap ? half_widths.bound_g
-                                  : quantity.kind == Quantity::Kind::output
-                                      ? half_widths.bound_outputs
-                                      : half_widths.bound_q;
-    const auto i = static_cast<Eigen::Index>(quantity.index);
-    const double half_width = i < kind.size() ? kind[i] : nan;
-    const double mean = value_of(quantity, sample.q, sample.u, sample.t);
-    row.push_back(mean - half_width);
-    row.push_back(mean + half_width);
-  }
-  guaranteed_.add(sample.t, row);
-}
-
-void Watch::take_truth(const StateSample& sample, const Arrival& arrival) {
-  if (!fits(sample, true) || !follows(sample.session, sample.utime, arrival)) return;
+void Watch::take(const state_t& truth, const Arrival& arrival) {
+  if (!fits(truth.f == f_) || !follows(truth.session, truth.utime, arrival)) return;
   truth_arrival_ = arrival.monotonic;
   std::vector<double> row;
   row.reserve(quantities_.size());
-  for (const Quantity& quantity : quantities_) {
-    row.push_back(value_of(quantity, sample.q, sample.u, sample.t));
-  }
-  if (truths_.add(sample.t, row)) {
-    truth_.push_back(sample);
+  for (const Quantity& quantity : quantities_) row.push_back(value_of(quantity, truth));
+  if (truths_.add(truth.t, row)) {
+    truth_.push_back(truth);
     if (truth_.size() > most_truth) truth_.pop_front();
   }
-  add_energy(pairing_.add_truth(sample));
+  add_energy(pairing_.add_truth(truth));
 }
 
 void Watch::add_energy(const SyncRow* row) {
@@ -337,56 +297,66 @@ void Watch::add_energy(const SyncRow* row) {
 
 // Every estimate carries the last closing, so the history takes each closing once. Of several
 // closings within a tick only the last one arrives.
-void Watch::add_innovation(const Innovation& closing) {
-  const bool predicted = closing.deviation > 0.0 && std::isfinite(closing.deviation);
-  const double ratio = predicted ? closing.gap / closing.deviation : nan;
-  if (predicted && innovations_.add(closing.t, std::span(&ratio, 1))) {
-    innovation_ = ClosingInnovation{closing.t, closing.contact, ratio};
+void Watch::add_innovation(const estimate_t& sample) {
+  const double deviation = sample.sigma_filter_gap;
+  const bool predicted = deviation > 0.0 && std::isfinite(deviation);
+  const double ratio = predicted ? sample.filter_gap / deviation : nan;
+  if (predicted && innovations_.add(sample.closing, std::span(&ratio, 1))) {
+    innovation_ = ClosingInnovation{sample.closing, std::max(sample.closing_contact - 1, 0), ratio};
   }
 }
 
-void Watch::take(const OutputsSample& sample, const Arrival& arrival) {
-  const std::vector<Output>& outputs = scene_.model.outputs;
-  const bool same = std::equal(
-      outputs.begin(), outputs.end(), sample.outputs.names.begin(), sample.outputs.names.end(),
-      [](const Output& output, const std::string& name) { return output.name == name; });
-  if (!same) {
-    ++misfits_;
-    return;
+void Watch::take(const outputs_t& sample, const Arrival& arrival) {
+  if (!fits(ends_with_outputs(sample.name, 0))) return;
+  if (sample.settled != 1 || !follows(sample.session, sample.utime, arrival)) return;
+  std::vector<double> row(3 * sample.value.size());
+  for (std::size_t i = 0; i < sample.value.size(); ++i) {
+    put_band(sample.value[i], sample.sigma[i], &row[3 * i]);
   }
-  if (!sample.settled || !follows(sample.session, sample.utime, arrival)) return;
-  add_outputs(sample.t, sample.outputs.values, sample.outputs.sigmas);
+  outputs_.add(sample.t, row);
 }
 
-void Watch::take(const BoundsSample& sample, const Arrival& arrival) {
-  const std::vector<Output>& outputs = scene_.model.outputs;
-  const std::size_t others = scene_.model.contacts.size() + outputs.size();
-  const std::size_t count = sample.names.size();
-  const bool same =
-      count >= others && count - others <= static_cast<std::size_t>(f_) &&
-      std::equal(outputs.begin(), outputs.end(), sample.names.end() - std::ssize(outputs),
-                 sample.names.end(),
-                 [](const Output& output, const std::string& name) { return output.name == name; });
-  if (!same) {
-    ++misfits_;
+void Watch::take(const bounds_t& sample, const Arrival& arrival) {
+  const std::size_t contacts = scene_.model.contacts.size();
+  const std::size_t others = contacts + scene_.model.outputs.size();
+  const std::size_t count = sample.name.size();
+  const std::size_t coordinates = count - others;  // used only if count >= others
+  if (!fits(count >= others && coordinates <= static_cast<std::size_t>(f_) &&
+            ends_with_outputs(sample.name, coordinates + contacts))) {
     return;
   }
   if (!follows(sample.session, sample.utime, arrival)) return;
   if (!settled_ || settled_->tick != sample.tick) return;
-  const Eigen::Map<const Eigen::VectorXd> all(sample.half_widths.data(), std::ssize(sample.names));
-  const auto contacts = static_cast<Eigen::Index>(scene_.model.contacts.size());
-  Confidence half_widths;
-  half_widths.bound_outputs = all.tail(std::ssize(outputs));
-  half_widths.bound_q = all.head(all.size() - contacts - std::ssize(outputs));
-  half_widths.bound_g = all.segment(half_widths.bound_q.size(), contacts);
-  add_guaranteed(*settled_, half_widths);
+  std::vector<double> row;
+  row.reserve(2 * quantities_.size());
+  for (const Quantity& quantity : quantities_) {
+    const std::size_t first = quantity.kind == Quantity::Kind::coordinate ? 0
+                              : quantity.kind == Quantity::Kind::gap      ? coordinates
+                                                                          : coordinates + contacts;
+    const bool beyond =
+        quantity.kind == Quantity::Kind::coordinate && quantity.index >= coordinates;
+    const double half_width = beyond ? nan : sample.half_width[first + quantity.index];
+    const double mean = value_of(quantity, *settled_);
+    row.push_back(mean - half_width);
+    row.push_back(mean + half_width);
+  }
+  guaranteed_.add(settled_->t, row);
 }
 
-void Watch::take(const ParametersSample& sample, const Arrival& arrival) {
+// Whether the names after the first `others` are those of the scene's outputs.
+bool Watch::ends_with_outputs(const std::vector<std::string>& names, std::size_t others) const {
+  const std::vector<Output>& outputs = scene_.model.outputs;
+  return std::equal(
+      outputs.begin(), outputs.end(), names.begin() + static_cast<std::ptrdiff_t>(others),
+      names.end(),
+      [](const Output& output, const std::string& name) { return output.name == name; });
+}
+
+void Watch::take(const parameters_t& sample, const Arrival& arrival) {
   if (follows(sample.session, sample.utime, arrival)) parameters_ = sample;
 }
 
-void Watch::take(const Health& health, const Arrival& arrival) {
+void Watch::take(const health_t& health, const Arrival& arrival) {
   health_ = health;
   health_arrival_ = arrival.monotonic;
 }
@@ -434,9 +404,9 @@ Rows Watch::input_in(const Window& window) const {
 
 // The last estimate not later than the machine's last state, so that both are drawn at the same
 // instant.
-const EstimateSample* Watch::shown_estimate() const {
-  const EstimateSample* settled = settled_ ? &*settled_ : nullptr;
-  const EstimateSample* latest = latest_ ? &*latest_ : settled;
+const estimate_t* Watch::shown_estimate() const {
+  const estimate_t* settled = settled_ ? &*settled_ : nullptr;
+  const estimate_t* latest = latest_ ? &*latest_ : settled;
   if (latest != nullptr && settled != nullptr && settled->t > latest->t) latest = settled;
   if (truth_.empty() || latest == nullptr || latest->t <= truth_.back().t) return latest;
   const auto later = provisional_.upper_bound(truth_.back().t);
@@ -444,10 +414,10 @@ const EstimateSample* Watch::shown_estimate() const {
   return settled != nullptr ? settled : latest;
 }
 
-const StateSample* Watch::nearest_truth(double t) const {
+const state_t* Watch::nearest_truth(double t) const {
   if (truth_.empty()) return nullptr;
-  const StateSample* nearest = &truth_.back();
-  for (const StateSample& state : truth_) {
+  const state_t* nearest = &truth_.back();
+  for (const state_t& state : truth_) {
     if (std::abs(state.t - t) < std::abs(nearest->t - t)) nearest = &state;
   }
   const double tick = truth_.size() > 1 ? truth_.back().t - truth_[truth_.size() - 2].t : 0.0;
@@ -459,15 +429,14 @@ bool Watch::runs_free(std::int64_t now) const {
   if (tracker_.counts().sessions > 0 && now - contacts_arrival_ > contacts_silence) return true;
   const bool health_is_current = health_ && !health_->last && health_->session == session_ &&
                                  now - health_arrival_ <= health_silence;
-  return health_is_current &&
-         (health_->master == Health::Master::silent || health_->master == Health::Master::ended);
+  return health_is_current && static_cast<MasterState>(health_->master) >= MasterState::silent;
 }
 
 Frame Watch::frame(std::int64_t now) const {
   Frame frame;
   frame.session = session_;
   if (settled_) frame.settled = shown(*settled_);
-  if (settled_) frame.bound = settled_->confidence.bound;
+  if (settled_) frame.bound = settled_->bound;
   if (latest_) frame.now = shown(*latest_);
   if (!truth_.empty()) frame.truth = shown(truth_.back());
   frame.energy = energy_;
@@ -476,55 +445,55 @@ Frame Watch::frame(std::int64_t now) const {
   frame.inconsistencies = inconsistencies_;
   if (!suspects_.empty()) frame.suspect = suspects_.back();
   if (parameters_) {
-    const NamedValues& named = parameters_->parameters;
-    for (std::size_t i = 0; i < named.names.size(); ++i) {
-      frame.parameters.push_back({named.names[i], named.values[i], named.sigmas[i]});
+    for (std::size_t i = 0; i < parameters_->key.size(); ++i) {
+      frame.parameters.push_back(
+          {parameters_->key[i], parameters_->value[i], parameters_->sigma[i]});
     }
   }
 
-  const EstimateSample* estimate = nullptr;
+  const estimate_t* estimate = nullptr;
   const bool truth_lives = now - truth_arrival_ <= truth_silence;
   if (truth_lives) {
     estimate = shown_estimate();
   } else {
     estimate = latest_ ? &*latest_ : settled_ ? &*settled_ : nullptr;
   }
-  const StateSample* truth = nullptr;
+  const state_t* truth = nullptr;
   if (truth_lives) truth = estimate != nullptr ? nearest_truth(estimate->t) : &truth_.back();
   if (estimate != nullptr) {
-    const Confidence& confidence = estimate->confidence;
-    frame.from_filter = confidence.from_filter;
+    frame.from_filter = estimate->from_filter == 1;
     frame.penetration = penetration_of(*estimate);
-    frame.estimator = parameters_                                       ? EstimatorShown::adaptive
-                      : confidence.has_replica && confidence.has_filter ? EstimatorShown::both
-                      : confidence.has_filter                           ? EstimatorShown::timing
-                                                                        : EstimatorShown::replica;
+    constexpr std::array shown_by{EstimatorShown::replica, EstimatorShown::replica,
+                                  EstimatorShown::timing, EstimatorShown::both};
+    frame.estimator = parameters_ ? EstimatorShown::adaptive
+                                  : shown_by[static_cast<std::size_t>(estimate->estimators)];
     frame.t = estimate->t;
-    frame.estimate = machine_.shape(estimate->q, estimate->t);
-    if (confidence.from_filter && confidence.sigma_q.allFinite() && confidence.sigma_q.size() > 0) {
-      frame.sigma = machine_.sigma(confidence.sigma_q);
+    frame.estimate = machine_.shape(as_vector(estimate->q), estimate->t);
+    const Eigen::VectorXd sigma = as_vector(estimate->sigma_q);
+    if (frame.from_filter && sigma.allFinite() && sigma.size() > 0) {
+      frame.sigma = machine_.sigma(sigma);
     }
     const bool estimated = now - estimate_arrival_ <= estimate_silence;
-    frame.badge = !estimated               ? Badge::waiting
-                  : runs_free(now)         ? Badge::free
-                  : confidence.from_filter ? Badge::filter
-                                           : Badge::replica;
+    frame.badge = !estimated          ? Badge::waiting
+                  : runs_free(now)    ? Badge::free
+                  : frame.from_filter ? Badge::filter
+                                      : Badge::replica;
   } else if (truth != nullptr) {
     frame.t = truth->t;
   }
   frame.base = machine_.base(frame.t);
-  if (truth != nullptr) frame.truth_shape = machine_.shape(truth->q, truth->t);
+  if (truth != nullptr) frame.truth_shape = machine_.shape(as_vector(truth->q), truth->t);
 
   const std::size_t contacts = scene_.model.contacts.size();
   for (std::size_t i = 0; i < contacts; ++i) {
     ContactShown contact;
     const Quantity gap{Quantity::Kind::gap, i, {}, {}};
     if (estimate != nullptr) {
-      contact.gap = value_of(gap, estimate->q, estimate->u, estimate->t);
-      const double sigma = sigma_at(estimate->confidence.sigma_g, i);
-      if (estimate->confidence.from_filter && std::isfinite(sigma)) contact.sigma = sigma;
+      contact.gap = value_of(gap, *estimate);
+      const double sigma = sigma_at(estimate->sigma_g, i);
+      if (frame.from_filter && std::isfinite(sigma)) contact.sigma = sigma;
     }
-    if (truth != nullptr) contact.truth = value_of(gap, truth->q, truth->u, truth->t);
+    if (truth != nullptr) contact.truth = value_of(gap, *truth);
     if (machine_.stops()[i].has_height) contact.height = machine_.stop(i, frame.t);
     contact.closed = raster_.closed(i);
     contact.events = raster_.events(i);
@@ -565,8 +534,7 @@ Curves Watch::curves(std::size_t quantity, const Window& window) const {
     if (t <= history.last_t() || t < window.from || i++ % stride != 0) continue;
     if (t > window.to) break;
     if (is_output) {
-      append(curves.estimate, t,
-             std::vector<double>{nan, value_of(of, sample.q, sample.u, t), nan});
+      append(curves.estimate, t, std::vector<double>{nan, value_of(of, sample), nan});
     } else {
       const std::vector<double> row = estimate_row(sample);
       append(curves.estimate, t, std::span(row).subspan(column, 3));

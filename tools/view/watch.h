@@ -10,11 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "lcmtypes/bounds_codec.h"
-#include "lcmtypes/health_codec.h"
-#include "lcmtypes/outputs_codec.h"
-#include "lcmtypes/parameters_codec.h"
-#include "lcmtypes/state_codec.h"
+#include "lcmtypes/messages.h"
 #include "recording/arrival.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/event_history.h"
@@ -36,15 +32,15 @@ class Watch {
   /// Messages in order of arrival; arrival times must not decrease. Messages of sessions other than
   /// the followed session count as `of_others`, messages that do not match the scene as `misfits`.
   void take(const ContactMessage& message, const Arrival& arrival);
-  void take_estimate(const EstimateSample& sample, const Arrival& arrival);
-  void take_settled(const EstimateSample& sample, const Arrival& arrival);
-  void take_truth(const StateSample& sample, const Arrival& arrival);
-  void take(const OutputsSample& sample, const Arrival& arrival);
+  void take_estimate(const estimate_t& sample, const Arrival& arrival);
+  void take_settled(const estimate_t& sample, const Arrival& arrival);
+  void take(const state_t& truth, const Arrival& arrival);
+  void take(const outputs_t& sample, const Arrival& arrival);
   /// Half-widths are used only if the last settled estimate received has the same tick: a band
   /// needs both.
-  void take(const BoundsSample& sample, const Arrival& arrival);
-  void take(const ParametersSample& sample, const Arrival& arrival);
-  void take(const Health& health, const Arrival& arrival);
+  void take(const bounds_t& sample, const Arrival& arrival);
+  void take(const parameters_t& sample, const Arrival& arrival);
+  void take(const health_t& health, const Arrival& arrival);
   /// Samples of a streamed excitation.
   void take(const InputMessage& message, const Arrival& arrival);
 
@@ -52,7 +48,7 @@ class Watch {
   Frame frame(std::int64_t now) const;
 
   /// The last health message of an observer, and its arrival [ns].
-  const std::optional<Health>& health() const { return health_; }
+  const std::optional<health_t>& health() const { return health_; }
   std::int64_t health_arrival() const { return health_arrival_; }
 
   /// Curves of quantity number `quantity` in a window.
@@ -74,18 +70,21 @@ class Watch {
  private:
   bool follows(std::int64_t session, std::int64_t utime, const Arrival& arrival);
   void begin(std::int64_t session);
-  bool fits(const StateSample& sample, bool whole);
-  void keep_provisional(const EstimateSample& sample);
-  double value_of(const Quantity& quantity, const Eigen::VectorXd& q, const Eigen::VectorXd& u,
-                  double t) const;
-  void add_outputs(double t, std::span<const double> values, std::span<const double> sigmas);
-  void add_guaranteed(const EstimateSample& sample, const Confidence& half_widths);
-  std::vector<double> estimate_row(const EstimateSample& sample) const;
-  double penetration_of(const EstimateSample& sample) const;
+  /// Counts a message that does not match the scene.
+  bool fits(bool matches) {
+    if (!matches) ++misfits_;
+    return matches;
+  }
+  bool ends_with_outputs(const std::vector<std::string>& names, std::size_t others) const;
+  void keep_provisional(const estimate_t& sample);
+  template <class Message>
+  double value_of(const Quantity& quantity, const Message& message) const;
+  std::vector<double> estimate_row(const estimate_t& sample) const;
+  double penetration_of(const estimate_t& sample) const;
   void add_energy(const SyncRow* row);
-  void add_innovation(const Innovation& closing);
-  const EstimateSample* shown_estimate() const;
-  const StateSample* nearest_truth(double t) const;
+  void add_innovation(const estimate_t& sample);
+  const estimate_t* shown_estimate() const;
+  const state_t* nearest_truth(double t) const;
   bool runs_free(std::int64_t now) const;
   Rows input_in(const Window& window) const;
 
@@ -119,15 +118,15 @@ class Watch {
   bool streamed_ = false;
 
   // Provisional estimates later than the last settled estimate, by time; for each time the latest.
-  std::map<double, EstimateSample> provisional_;
+  std::map<double, estimate_t> provisional_;
   double spacing_ = 0.0;  // least distance of provisional estimates [s]
-  std::optional<EstimateSample> settled_;
-  std::optional<EstimateSample> latest_;  // the latest provisional estimate
-  std::deque<StateSample> truth_;         // the last states of the machine
+  std::optional<estimate_t> settled_;
+  std::optional<estimate_t> latest_;  // the latest provisional estimate
+  std::deque<state_t> truth_;         // the last states of the machine
   std::optional<Energy> energy_;
   std::optional<ClosingInnovation> innovation_;
-  std::optional<ParametersSample> parameters_;
-  std::optional<Health> health_;
+  std::optional<parameters_t> parameters_;
+  std::optional<health_t> health_;
   std::int64_t inconsistencies_ = 0;
   double speed_ = 1.0;  // of the master
 
