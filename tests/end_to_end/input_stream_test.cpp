@@ -96,6 +96,25 @@ INSTANTIATE_TEST_SUITE_P(
                              "0.25", "--delay", "50", "--only", "SPRAG_CONTACTS"}}),
     [](const auto& of) { return std::string(of.param.name); });
 
+// Logs and events that `master_sim` of versions 0.2 and 0.3 has written, the second one with
+// --publish-input.
+TEST_F(InputStreamTest, RecordingsOfEarlierVersionsGiveTheStatesOfTheirEvents) {
+  const auto expect_same = [this](const std::string& machine, const std::string& version,
+                                  const Arguments& how, std::size_t rows) {
+    const std::string recording = SPRAG_SOURCE_DIR "/tests/end_to_end/recordings/" + version;
+    const std::string of_log =
+        replay(machine, recording + ".lcmlog", how + Arguments{"--report", file("o.json")});
+    const std::string of_events = replay(machine, recording + ".csv", how);
+    EXPECT_EQ(count_rows(of_log), rows);
+    EXPECT_TRUE(read_text(of_log) == read_text(of_events)) << version;
+    EXPECT_EQ(json("o.json")["messages"]["refused"], 0) << version;
+  };
+  expect_same(scene("paper_beam"), "version_0.2", {"--tick", "0.015625", "--duration", "12"}, 769);
+  expect_same(streamed(), "version_0.3", {"--tick", "0.005", "--duration", "1.25"}, 251);
+  EXPECT_EQ(json("o.json")["input"]["refused"], 0);
+  EXPECT_GT(json("o.json")["input"]["samples"], 600);
+}
+
 // The record of the scene and its stream are the same input.
 TEST_F(InputStreamTest, TheStreamEqualsTheRecord) {
   const std::string machine = streamed();
