@@ -71,7 +71,7 @@ class _HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
     """Names the default of an option, if there is one."""
 
     def _get_help_string(self, action: argparse.Action) -> str | None:
-        if action.default in (None, False, "", math.inf):
+        if action.default in (None, False, "", [], math.inf):
             return action.help
         return super()._get_help_string(action)
 

@@ -125,7 +125,8 @@ class Panels:
         length = (span[1] - span[0]) * TURNS_IN_ZOOM / turns
         digit = 10.0 ** np.floor(np.log10(length))
         length = digit * max(round(length / digit), 1)
-        return span[0], span[0] + length
+        begin = digit * np.floor(span[0] / digit)
+        return begin, begin + length
 
     # --- states ---
 

@@ -373,6 +373,8 @@ def _by_factors(values: Numbers) -> bool:
 
 
 def _set_scale(axis: Any, values: Numbers) -> None:
+    if (values % 1.0 == 0.0).all():  # such as numbers of modes
+        axis.get_major_locator().set_params(integer=True)
     if _by_factors(values):
         axis.axes.set(**{f"{axis.axis_name}scale": "log"})
         edges = _edges(values)

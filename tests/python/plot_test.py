@@ -320,6 +320,11 @@ class RunsTest(Files):
             rows = enumerate(zip(t, np.sin(2 * np.pi * periods * t / 100.0)))
             return self.table("k,t,q1\n" + "".join(f"{k},{x},{y}\n" for k, (x, y) in rows))
 
+        late = oscillation(400)
+        late.data["t"] += 0.2345
+        panels = plot.Panels([late])
+        self.assertEqual(panels.zoom(panels.chosen([]), panels.span), (0.0, 5.0))
+
         for periods, zoomed in ((50, False), (400, True)):
             panels = plot.Panels([oscillation(periods)])
             zoom = panels.zoom(panels.chosen([]), panels.span)
@@ -468,6 +473,10 @@ class StudyTest(Files):
         corners = axes.collections[0].get_paths()[0].vertices
         at = corners[np.isclose(corners[:, 0], 1e-4), 1]
         np.testing.assert_allclose([at.min(), at.max()], [2e-4, 20e-4])
+
+    def test_numbers_of_modes_have_whole_ticks(self):
+        figure = self.draw(self.study(["modes"], ["rate"], [(n, 1.0) for n in (1, 2, 3)]))
+        self.assertTrue((figure.axes[0].get_xticks() % 1 == 0).all())
 
     def test_points_of_the_stroboscope(self):
         rows = [(2.0 + k, n, -k, 0.1 * n, 7.0) for k in range(3) for n in range(1, 5)]
@@ -715,6 +724,7 @@ class ProgramTest(Files):
             text=True,
         )
         self.assertIn("Usage: plot", done.stdout)
+        self.assertNotIn("[])", done.stdout, "an empty list is no default to name")
         for module in ("matplotlib", "pandas"):
             self.assertNotIn(f" {module}\n", done.stderr)
 
