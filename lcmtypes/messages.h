@@ -23,7 +23,8 @@ namespace sprag {
 
 /// Values of health_t::master: none yet; its messages arrive; it is silent; its run has ended.
 enum class MasterState : std::int8_t { awaited = 0, received = 1, silent = 2, ended = 3 };
-/// Values of health_t::input: the excitation is not streamed; its samples arrive; none for a second.
+/// Values of health_t::input: the excitation is not streamed; its samples arrive; none for a
+/// second.
 enum class InputState : std::int8_t { none = 0, received = 1, silent = 2 };
 /// Values of health_t::estimate.
 enum class EstimateSource : std::int8_t { none = 0, replica = 1, filter = 2, adaptive = 3 };
