@@ -104,14 +104,14 @@ class TimeReader:
             self._table.remarks.append(f"times in {units[first]}, as column '{first}' says")
             return stated
         cells = [cell for name in names for cell in self._table.column(name)]
-        numbers = [cell for cell in cells if NUMBER.fullmatch(cell)]
-        if numbers and all(map(INTEGER.fullmatch, numbers)):
-            largest = max(numbers, key=lambda cell: abs(Decimal(cell)))
+        plain = [cell for cell in cells if NUMBER.fullmatch(cell)]
+        if plain and all(map(INTEGER.fullmatch, plain)):
+            largest = max(plain, key=lambda cell: abs(Decimal(cell)))
             if abs(Decimal(largest)) > 1000:
                 raise InputError(
                     f"times are integers up to {largest} and no unit is stated; {_ASK_UNIT}"
                 )
-        if numbers:
+        if plain:
             self._table.remarks.append("no unit is stated: times are taken as seconds")
         return Decimal(1)
 
