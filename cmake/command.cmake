@@ -1,5 +1,5 @@
 # The command `sprag` of the build tree, BUILD/sprag, which runs the programs of this build.
-set(SPRAG_PROGRAM_TARGETS master_sim observer sync_logger check_scene listen diagnose identify reduce tolerance)
+set(SPRAG_PROGRAM_TARGETS master_sim observer sync_logger check_scene listen diagnose identify reduce)
 if(TARGET view)
   list(APPEND SPRAG_PROGRAM_TARGETS view)
 endif()

@@ -219,7 +219,7 @@ def python_page() -> str:
             "_events.py",
             "_studies.py",
             "study.py",
-            "_tolerance.py",
+            "tolerances.py",
         )
     }
     public = next(

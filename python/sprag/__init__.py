@@ -67,9 +67,9 @@ if importlib.util.find_spec(f"{__name__}._core"):
     )
     from ._events import ContactEventKind, pulses
     from ._studies import Study, read_study
-    from ._tolerance import Tolerances, tolerance
     from .importing import import_events
     from .study import run_study
+    from .tolerances import Tolerances, tolerance
 else:
     # Pictures, reports and the import of events need no compiled part.
     def __getattr__(name: str) -> object:

@@ -14,6 +14,7 @@ PROGRAMS: dict[str, str] = {
     "plot": "plot",
     "report": "report",
     "study": "study",
+    "tolerance": "tolerances",
 }
 
 

@@ -593,8 +593,7 @@ def _zoom(text: str) -> Span:
 
 
 def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
-    if Path(options.output).suffix not in (".png", ".svg", ".pdf"):
-        raise UsageError(f"{options.output} is not allowed; must end in .png, .svg or .pdf")
+    check_picture(options.output)
     if any(tables.is_study(given.file) for given in options.files):
         from .plot_study import study_of_program
 
@@ -609,12 +608,23 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
     return EXIT_FAILED if damage else EXIT_DONE
 
 
+def check_picture(file: str) -> None:
+    """Raises UsageError if the name of a picture has no known ending."""
+    if Path(file).suffix not in (".png", ".svg", ".pdf"):
+        raise UsageError(f"{file} is not allowed; must end in .png, .svg or .pdf")
+
+
 def save(figure: Figure, file: str) -> None:
     """Writes a picture; an existing one stays as it is if that fails."""
-    kind = Path(file).suffix[1:]
+    with _command.written(file) as temporary, _command.writing(file):
+        write_figure(figure, temporary, Path(file).suffix[1:])
+
+
+def write_figure(figure: Figure, file: Path, kind: str) -> None:
+    """Writes a picture of the kind png, svg or pdf."""
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
-    with _command.written(file) as temporary, style():
-        figure.savefig(temporary, format=kind, dpi="figure", metadata=metadata)
+    with style():
+        figure.savefig(file, format=kind, dpi="figure", metadata=metadata)
 
 
 def _runs_of_program(

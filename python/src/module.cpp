@@ -12,6 +12,7 @@
 #include "python/src/machines.h"
 #include "python/src/runs.h"
 #include "python/src/studies.h"
+#include "python/src/tolerances.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/error.h"
 #include "sprag/master.h"
@@ -73,5 +74,6 @@ PYBIND11_MODULE(_core, module) {
   bind_analyses(module);
   bind_import(module);
   bind_studies(module);
+  bind_tolerances(module);
   bind_live(module);
 }

@@ -1,4 +1,4 @@
-// Python bindings of studies and tolerances.
+// Python bindings of studies.
 #pragma once
 
 #include <pybind11/pybind11.h>

@@ -678,7 +678,7 @@ class ProgramTest(Files):
             os.symlink("/dev/full", self.path(name))
             done = self.run_plot(states, "--output", self.path(name))
             self.assertEqual(done.returncode, 1, name)
-            self.assertIn("No space left on device", done.stderr)
+            self.assertIn(f"{self.path(name)}: No space left on device", done.stderr)
         nowhere = self.run_plot(states, "--output", self.path("nowhere/a.svg"))
         self.assertEqual(nowhere.returncode, 1)
         self.assertIn(self.path("nowhere/a.svg"), nowhere.stderr)

@@ -76,14 +76,6 @@ TEST_F(HostileInput, EndlessMatrixFileIsRefused) {
   expect_refused(run(CHECK_SCENE, {"/dev/zero"}), "/dev/zero: is larger than 64 MiB");
 }
 
-TEST_F(HostileInput, NumberOfThreadsIsLimited) {
-  for (const std::string jobs : {"100000", "1025", "0", "-1", "99999999999999999999"}) {
-    const Ended tolerance = run(TOLERANCE, {shipped("paper_beam"), "--jobs", jobs});
-    EXPECT_EQ(tolerance.code, 2);
-    EXPECT_TRUE(says(tolerance.err, "must be a whole number from 1 to 1024")) << tolerance.err;
-  }
-}
-
 TEST_F(HostileInput, UnsupportedPropertiesAreRefusedWithReason) {
   for (const std::string key : {"friction", "mu", "mu_k", "coulomb", "tangential_restitution"}) {
     const std::string text = scene("friction.toml", "[[4.0]]", key + " = 0.3\n");

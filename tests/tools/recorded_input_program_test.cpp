@@ -116,16 +116,6 @@ TEST_F(RecordedInputPrograms, DiagnoseAcceptsARecord) {
   EXPECT_EQ(ended.out.find("clock rate"), std::string::npos) << ended.out;
 }
 
-TEST_F(RecordedInputPrograms, ToleranceStatesWhatGainAndDelayMayBeOff) {
-  const Ended ended = run(TOLERANCE, {scene_, "--runs", "1", "--duration", "3", "--estimator",
-                                      "replica", "--jobs", "1", "--json"});
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  for (const char* key : {"excitation.gain", "excitation.delay", "impact.restitution"}) {
-    EXPECT_NE(ended.out.find(key), std::string::npos) << key;
-  }
-  expect_refused(TOLERANCE, {scene_, "--duration", "9"}, "the recorded input of swept_beam ends");
-}
-
 TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   // The machine: a sensor that shows 20 % too little, half a sample of 2 ms too early.
   simulate(copy("gain = 1.25\ndelay = 0.001\noutside = \"hold\""));

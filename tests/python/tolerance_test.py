@@ -1,0 +1,348 @@
+"""The program tolerance and sprag.tolerance(): limits are admissible and tight, follow the law of
+V, and do not depend on threads."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import sprag
+from sprag import _core
+from sprag.tolerances import Deviation, _search, amount_text, amounts, draw
+from support import BUILD, SOURCE, scene
+
+PROGRAM = BUILD / "tools/tolerance"
+RIG = SOURCE / "scenes/lab_rig.toml"
+
+
+def limit(found, what, estimator="replica"):
+    chosen = found.limits[(found.limits["what"] == what) & (found.limits["estimator"] == estimator)]
+    return chosen[0]
+
+
+class ToleranceTest(unittest.TestCase):
+    def test_limits_are_tolerated_and_scale_like_the_root_of_V(self):
+        """V of a replica is quadratic: four times the target admits twice the deviation."""
+        asked = {"runs": 5, "estimators": ["replica"]}
+        narrow = sprag.tolerance("lab_rig", target=1e-6, **asked)
+        wide = sprag.tolerance("lab_rig", target=4e-6, **asked)
+        for what in ("jitter", "impact.restitution", "system.K"):
+            one, two = limit(narrow, what), limit(wide, what)
+            self.assertEqual((one["kind"], two["kind"]), ("within", "within"))
+            self.assertAlmostEqual(two["amount"] / one["amount"], 2.0, delta=0.5)
+            tried = narrow.points[narrow.points["what"] == what]
+            below = tried["amount"] < one["amount"]
+            self.assertTrue((tried["median"][below] < 1e-6).all())
+            self.assertTrue((tried["median"][~below] > 1e-6).all())
+
+    def test_the_target_in_percent_is_an_amplitude(self):
+        asked = {"runs": 1, "duration": 20.0, "estimators": ["replica"]}
+        one = sprag.tolerance("impact_oscillator", **asked)
+        two = sprag.tolerance("impact_oscillator", target="2%", **asked)
+        self.assertEqual(one.target, 1e-4 * one.motion_energy)
+        self.assertEqual(two.target, 4e-4 * one.motion_energy)
+        self.assertAlmostEqual(two.amplitude, 0.02)
+        self.assertIn("2 % of the motion's amplitude", str(two))
+        self.assertAlmostEqual(
+            limit(two, "jitter")["amount"] / limit(one, "jitter")["amount"], 2.0, delta=0.5
+        )
+
+    def test_the_energy_of_the_motion_does_not_depend_on_the_samples(self):
+        """In 44.38 s the force of the rig has 199.9 periods, half of 400 samples."""
+        for duration in (44.38, 44.44):
+            found = sprag.tolerance(
+                "lab_rig", runs=1, duration=duration, estimators=["replica"], target=1e6
+            )
+            rig = scene("lab_rig")
+            truth = sprag.simulate(rig, duration, tick=duration / 30_000)
+            q, u = (of[len(of) // 2 :] for of in (truth.q, truth.u))
+            means = (np.broadcast_to(of.mean(axis=0), of.shape) for of in (q, u))
+            expected = sprag.energies(rig, q, u, *means).V.mean()
+            self.assertAlmostEqual(found.motion_energy / expected, 1.0, delta=0.02)
+
+    def test_the_first_crossing_counts(self):
+        """A clock that is off by a period of the force differs by nothing."""
+
+        class Trials:
+            target, estimators = 1.0, ["replica"]
+            bound = None
+
+            def spreads(self, deviation, amount):
+                V = 1e4 * np.sin(2.0 * np.pi * amount) ** 2 + 1e-9
+                return [(V, V, V, np.nan)]
+
+            def guaranteed(self, deviation):
+                return None
+
+        limits, _, points = _search(
+            Trials(), Deviation("offset", "s", 1e-6, 1.0), [(1e-9, 0.0, 0.0, 0.0)]
+        )
+        self.assertEqual(limits[0][4], "within")
+        self.assertAlmostEqual(limits[0][2], 0.01 / (2.0 * np.pi), delta=1e-5)
+        self.assertLess(len(points), 10)
+
+    def test_kinds_of_limits(self):
+        class Trials:
+            target, estimators = 1.0, ["replica", "timing", "both"]
+
+            def spreads(self, deviation, amount):
+                return [(V, V, V, 0.0) for V in (1e-3, 2.0, 5.0)]
+
+            def guaranteed(self, deviation):
+                return 1e-3, "within"
+
+        undisturbed = [(V, V, V, 0.0) for V in (1e-3, 1e-3, 5.0)]
+        limits, proven, points = _search(Trials(), Deviation("lost", "", 1e-4, 0.5), undisturbed)
+        self.assertEqual([of[4] for of in limits], ["beyond_all", "below_all", "never"])
+        self.assertEqual([of[2] for of in limits[:2]], [0.5, 1e-4])
+        self.assertEqual(proven, [("lost", 1e-3, "", "within")])
+
+    def test_a_ball_without_loss_has_no_limit(self):
+        ball = scene("bouncing_ball").with_values({"impact.restitution": 1.0})
+        found = sprag.tolerance(ball, duration=20.0, runs=2, estimators=["replica"])
+        self.assertEqual(set(found.limits["kind"]), {"never"})
+        self.assertTrue(np.isnan(found.limits["amount"]).all())
+        self.assertRegex(str(found), r"event times jitter +- ")
+
+    def test_a_wrong_parameter_stays_valid(self):
+        bench = _core._Bench(scene("lab_rig"))
+
+        def restitution(amount):
+            return bench.wrong("impact.restitution", amount).model.contacts[0].restitution
+
+        self.assertAlmostEqual(restitution(0.1), 0.66)
+        self.assertAlmostEqual(restitution(-0.1), 0.54)
+        with self.assertRaisesRegex(sprag.ModelError, "restitution cannot be off by so much"):
+            restitution(0.8)
+        K = bench.wrong("system.K", -0.2).model.K
+        np.testing.assert_allclose(K, 0.8 * scene("lab_rig").model.K, atol=1e-9)
+
+    def test_drift_is_given_to_filters_only(self):
+        asked = {
+            "duration": 20.0,
+            "jitter": 1e-4,
+            "runs": 1,
+            "estimators": ["replica", "timing"],
+            "target": 1e6,
+        }
+        plain, drifting = (sprag.tolerance("lab_rig", drift=d, **asked) for d in (None, 1e-3))
+        self.assertEqual((plain.drift, drifting.drift), (0.0, 1e-3))
+        before, after = (found.points["median"][:2] for found in (plain, drifting))
+        self.assertEqual(before[0], after[0])
+        self.assertNotEqual(before[1], after[1])
+
+    def test_an_adaptive_observer_tolerates_parameters_that_it_identifies(self):
+        beam = scene("paper_beam").replace(jitter=1e-4)
+        bench = _core._Bench(beam)
+        truth = bench.run(100.0, 400)
+        wrong = bench.wrong("beam.bending_stiffness", 0.05)
+        replica, adaptive = bench.follow(
+            ["replica", "adaptive"], wrong, truth, 0, 1.0, jitter=beam.jitter
+        )
+        self.assertLess(adaptive[0], 1e-3 * replica[0])
+        self.assertEqual(adaptive[2], 0.0)
+
+    def test_results_do_not_depend_on_threads(self):
+        asked = {"runs": 2, "duration": 20.0, "estimators": ["replica", "timing"]}
+        one, three = (sprag.tolerance("lab_rig", jobs=jobs, **asked) for jobs in (1, 3))
+        for name in ("limits", "guaranteed", "points"):
+            self.assertEqual(repr(getattr(one, name)), repr(getattr(three, name)))
+        self.assertEqual(str(one), str(three))
+
+    def test_what_is_not_allowed(self):
+        with self.assertRaisesRegex(sprag.SceneError, "nowhere"):
+            sprag.tolerance("nowhere.toml")
+        for wrong in (
+            {"runs": 0},
+            {"target": -1.0},
+            {"target": "-1%"},
+            {"target": "x%"},
+            {"estimators": ["none"]},
+            {"jobs": 0},
+            {"jitter": 0.0},
+        ):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                sprag.tolerance("impact_oscillator", **wrong)
+
+    def test_amounts(self):
+        self.assertEqual(amounts(2e-3, 1.0), [2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0])
+        for amount, unit, text in (
+            (3.4e-4, "s", "0.34 ms"),
+            (2e-6, "s", "2 us"),
+            (0.25, "s", "0.25 s"),
+            (0.034, "rad", "0.034 rad"),
+            (0.034, "", "3.4 %"),
+            (0.05, "1", "0.05"),
+            (0.1, "1/s", "0.1 per s and contact"),
+        ):
+            self.assertEqual(amount_text(amount, unit), text)
+
+    def test_a_picture_has_a_panel_for_each_deviation(self):
+        found = sprag.tolerance("lab_rig", runs=2, duration=20.0, estimators=["replica", "both"])
+        panels = [axes for axes in draw(found).axes if axes.lines]
+        whats = list(dict.fromkeys(found.limits["what"]))
+        self.assertEqual(len(panels), len(whats))
+        self.assertEqual(
+            [line.get_label() for line in panels[0].lines], ["replica", "both", "target"]
+        )
+        jitter = found.points[
+            (found.points["what"] == "jitter") & (found.points["estimator"] == "replica")
+        ]
+        np.testing.assert_array_equal(panels[0].lines[0].get_xdata(), jitter["amount"])
+        lost = panels[whats.index("lost")]
+        self.assertEqual(lost.get_xlabel(), "events lost [%]")
+        self.assertAlmostEqual(lost.lines[0].get_xdata()[0], 0.01)
+        seen = jitter["median"] > panels[0].get_ylim()[0]
+        np.testing.assert_array_equal(panels[0].lines[0].get_ydata()[seen], jitter["median"][seen])
+        self.assertTrue(seen.any())
+
+
+class ProgramTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def run_program(self, *arguments, code=0, **more):
+        done = subprocess.run(
+            [PROGRAM, *arguments], capture_output=True, text=True, cwd=self.folder, **more
+        )
+        self.assertEqual(done.returncode, code, done.stderr)
+        return done
+
+    SHORT = ("--runs", "1", "--duration", "10", "--estimator", "replica")
+
+    def test_a_table_its_rows_and_a_picture(self):
+        options = ["--target", "1e-5", "--runs", "2", "--duration", "20", "--estimator", "replica"]
+        files = ["--csv", "t.csv", "--output", "t.svg", "--report", "r.json"]
+        done = self.run_program(RIG, *options, *files)
+        self.assertIn("event times jitter", done.stdout)
+        with (self.folder / "t.csv").open() as rows:
+            table = list(csv.DictReader(rows))
+        columns = "what,unit,amount,estimator,median,low,high,worse"
+        self.assertEqual(",".join(table[0]), columns)
+        self.assertEqual((table[0]["what"], table[0]["worse"]), ("nothing", "nan"))
+        self.assertIn("</svg>", (self.folder / "t.svg").read_text())
+        report = json.loads((self.folder / "r.json").read_text())
+        self.assertEqual(report["target"], 1e-5)
+        first = report["disturbances"][0]
+        self.assertEqual(first["what"], "jitter")
+        self.assertEqual(first["tolerance"]["replica"]["kind"], "within")
+        amounts = [float(row["amount"]) for row in table if row["what"] == "jitter"]
+        self.assertEqual([point["amount"] for point in first["points"]], amounts)
+        printed = json.loads(self.run_program(RIG, *options, "--json").stdout)
+        self.assertEqual(printed["disturbances"], report["disturbances"])
+
+    def test_a_target_in_percent(self):
+        done = json.loads(self.run_program(RIG, *self.SHORT, "--target", "3 %", "--json").stdout)
+        self.assertAlmostEqual(done["target"] / done["motion_energy"], 9e-4)
+        self.assertAlmostEqual(done["amplitude"], 0.03)
+
+    def test_gain_and_delay_of_a_record_may_be_off(self):
+        beam = SOURCE / "scenes/swept_beam.toml"
+        options = ["--runs", "1", "--duration", "3", "--estimator", "replica", "--json"]
+        found = json.loads(self.run_program(beam, *options).stdout)
+        whats = [of["what"] for of in found["disturbances"]]
+        self.assertLess({"excitation.gain", "excitation.delay", "impact.restitution"}, set(whats))
+        done = self.run_program(beam, "--duration", "9", code=2)
+        self.assertIn("the recorded input of swept_beam ends", done.stderr)
+
+    def test_a_scene_of_kept_modes(self):
+        (self.folder / "part.toml").write_text(
+            RIG.read_text().replace("[system]", "[system]\nmodes = 1", 1)
+        )
+        found = json.loads(self.run_program("part.toml", *self.SHORT, "--json").stdout)
+        self.assertEqual(found["disturbances"][0]["what"], "jitter")
+
+    def test_names_are_data(self):
+        """A scene's name is text with any content, as is the name of the picture."""
+        command = f"touch {self.folder}/ran"
+        name = json.dumps(f"a'\n!{command}\nsystem('{command}') <b>&")
+        (self.folder / "rig.toml").write_text(
+            RIG.read_text().replace('name = "lab_rig"', f"name = {name}")
+        )
+        picture = "|touch ran; cat > x.svg"
+        done = self.run_program("rig.toml", *self.SHORT, f"--output={picture}")
+        self.assertTrue(done.stdout.startswith("a'\\n!touch"))
+        self.assertIn("</svg>", (self.folder / picture).read_text())
+        self.assertFalse((self.folder / "ran").exists())
+
+    def test_a_full_disk_is_a_failure(self):
+        if not os.path.exists("/dev/full"):
+            self.skipTest("no /dev/full here")
+        for option, name in (("--csv", "t.csv"), ("--output", "t.svg")):
+            (self.folder / name).symlink_to("/dev/full")
+            done = self.run_program(RIG, *self.SHORT, option, name, code=1)
+            self.assertIn(f"{name}: No space left on device", done.stderr)
+
+    def test_bad_usage(self):
+        copy = self.folder / "rig.toml"
+        copy.write_text(RIG.read_text())
+        for arguments, why in (
+            ([RIG, "--estimator", "kalman"], "kalman; choose replica, timing, both or adaptive"),
+            (
+                [SOURCE / "scenes/non_proportional.toml", "--estimator", "adaptive"],
+                "couples the modes",
+            ),
+            ([RIG, "--output", "t.gif"], "must end in .png, .svg or .pdf"),
+            ([RIG, "--csv", "x.csv", "--output", "x.csv"], "x.csv"),
+            ([RIG, "--target", "-1"], "--target"),
+            ([RIG, "--target", "0%"], "--target"),
+            ([RIG, "--jobs", "1025"], "must be a whole number from 1 to 1024"),
+            ([RIG, "--jobs", "99999999999999999999"], "must be a whole number from 1 to 1024"),
+            ([copy, "--csv", copy], "rig.toml"),
+            (["nowhere"], "nowhere"),
+        ):
+            with self.subTest(arguments):
+                self.assertIn(why, self.run_program(*arguments, code=2).stderr)
+        self.assertEqual(copy.read_text(), RIG.read_text())
+
+    def test_a_machine_without_contacts_that_close(self):
+        text = (SOURCE / "scenes/impact_oscillator.toml").read_text()
+        file = self.folder / "far.toml"
+        lines = [
+            "clearance = 1e3" if line.startswith("clearance") else line
+            for line in text.splitlines()
+        ]
+        file.write_text("\n".join(lines))
+        done = self.run_program(file, code=1)
+        self.assertIn("no contact of the machine closes", done.stderr)
+
+    def test_a_signal_ends_it(self):
+        files = ["--csv", "t.csv", "--report", "r.json"]
+        program = subprocess.Popen(
+            [PROGRAM, RIG, "--runs", "1000", *files],
+            cwd=self.folder,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        with self.assertRaises(subprocess.TimeoutExpired):
+            program.wait(3)
+        program.send_signal(signal.SIGTERM)
+        self.assertIn("tolerance: interrupted", program.communicate(timeout=60)[1])
+        self.assertEqual(program.returncode, 1)
+        self.assertEqual([file.name for file in self.folder.iterdir()], ["r.json"])
+
+    def test_without_the_compiled_part(self):
+        package = self.folder / "sprag"
+        package.mkdir()
+        for file in (BUILD / "python/sprag").iterdir():
+            if not file.name.startswith("_core.c"):
+                (package / file.name).symlink_to(file.resolve())
+        done = subprocess.run(
+            ["python3", "-c", "from sprag.tolerances import main; main()", RIG],
+            env={"PYTHONPATH": str(self.folder), "PATH": "/usr/bin"},
+            capture_output=True,
+            text=True,
+        )
+        self.assertIn("tolerance needs the compiled part of the Python package sprag", done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
