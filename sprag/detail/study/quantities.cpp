@@ -3,11 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
-#include <iterator>
 #include <limits>
 #include <optional>
 
-#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/analysis/recurrence.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/mechanics/interrupt.h"
@@ -276,31 +274,6 @@ void append_line(const Study& study, const Row& row, std::string& text) {
   text += ',';
   text += row.failure;
   text += '\n';
-}
-
-std::vector<Row> all_rows(const Study& study, int threads) {
-  // Parts are large enough for replicas that are computed at once, and many enough for all threads.
-  constexpr std::int64_t smallest = ReplicaSweep::lanes;
-  const std::int64_t total = study.indices();
-  const std::int64_t part =
-      std::clamp<std::int64_t>(total / (8 * std::int64_t{threads}), smallest, 16 * smallest);
-  const std::int64_t parts = (total + part - 1) / part;
-  if (parts > std::numeric_limits<int>::max()) throw Error("the study has too many runs");
-  std::vector<std::vector<Row>> of_parts(static_cast<std::size_t>(parts));
-  in_parallel(threads, static_cast<int>(parts), [&](int i) {
-    Range left{i * part, std::min((i + 1) * part, total)};
-    Measurement measurement(study);
-    while (left.size() > 0) {
-      check_interrupt();
-      left.first += measurement.append_rows(left, of_parts[static_cast<std::size_t>(i)]).runs;
-    }
-  });
-  std::vector<Row> rows;
-  for (std::vector<Row>& of_part : of_parts) {
-    rows.insert(rows.end(), std::make_move_iterator(of_part.begin()),
-                std::make_move_iterator(of_part.end()));
-  }
-  return rows;
 }
 
 }  // namespace sprag::study

@@ -61,8 +61,4 @@ class Measurement {
   std::unique_ptr<const Flows> flows_;      // of its machine
 };
 
-/// All rows of a study in order of index, computed on this many threads. The result does not depend
-/// on their number. Throws Interrupted.
-std::vector<Row> all_rows(const Study& study, int threads);
-
 }  // namespace sprag::study
