@@ -11,7 +11,6 @@
 #include <numeric>
 #include <stdexcept>
 
-#include "sprag/detail/analysis/attractors.h"
 #include "sprag/detail/analysis/lyapunov.h"
 #include "sprag/detail/analysis/variation.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -354,29 +353,6 @@ TEST(Recurrence, FindsTheSmallestPeriodOfPoints) {
     EXPECT_EQ(period_of_points(points, weights, p - 1, 1e-6), 0);
     EXPECT_EQ(period_of_points(points, weights, 32, 1e-12), 0);
   }
-}
-
-TEST(Attractors, LabelsDoNotDependOnOrder) {
-  constexpr std::size_t n = 400;
-  Random random(5);
-  std::printf("seed 5\n");
-  std::vector<int> periods(n), expected(n);
-  Simulation::Rows points(n, 2);
-  const Eigen::Matrix<double, 4, 2, Eigen::RowMajor> of_attractor{
-      {-0.3, 2.0}, {0.4, -1.0}, {0.4, 1.0}, {-0.2, 0.0}};
-  const int period_of[] = {1, 1, 1, 2};
-  for (std::size_t i = 0; i < n; ++i) {
-    const auto row = static_cast<Eigen::Index>(i);
-    const int which = random.integer(0, 4);
-    expected[i] = which;
-    periods[i] = which == 0 ? 0 : period_of[which - 1];
-    points.row(row).setConstant(std::nan(""));
-    if (which == 0) continue;
-    points.row(row) = of_attractor.row(which - 1);
-    points(row, 0) += random.uniform(-1e-5, 1e-5);
-    points(row, 1) += random.uniform(-1e-5, 1e-5);
-  }
-  EXPECT_EQ(label_attractors(periods, points), expected);
 }
 
 }  // namespace
