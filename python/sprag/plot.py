@@ -7,6 +7,7 @@ of any origin; both return a figure of matplotlib to change, show or save.
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -623,8 +624,10 @@ def save(figure: Figure, file: str) -> None:
 def write_figure(figure: Figure, file: Path, kind: str) -> None:
     """Writes a picture of the kind png, svg or pdf."""
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    picture = io.BytesIO()  # on a full disk matplotlib's writer of PDF fails with a wrong error
     with style():
-        figure.savefig(file, format=kind, dpi="figure", metadata=metadata)
+        figure.savefig(picture, format=kind, dpi="figure", metadata=metadata)
+    file.write_bytes(picture.getvalue())
 
 
 def _runs_of_program(
