@@ -52,22 +52,21 @@ class StudyRuns {
       throw std::invalid_argument("the study has no such runs");
     }
     std::string text;
-    study::Computed all;
+    std::int64_t runs = 0, failures = 0;
     {
       const StopScope scope(stop_.get_token());
       const py::gil_scoped_release released;
       study::Measurement measurement(study_);
       try {
         while (first < end && !interrupted()) {
-          const study::Computed computed = measurement.append_rows({first, end}, text);
-          first += computed.runs;
-          all.runs += computed.runs;
-          all.failures += computed.failures;
+          if (!measurement.append_rows(first, text)) ++failures;
+          ++first;
+          ++runs;
         }
       } catch (const Interrupted&) {  // the text ends with the last complete run
       }
     }
-    return py::make_tuple(text, all.runs, all.failures);
+    return py::make_tuple(text, runs, failures);
   }
 
   void stop() { stop_.request_stop(); }

@@ -21,8 +21,6 @@ constexpr Study all[] = {{"observer", observer_columns, observer},
                          {"modes", modes_columns, modes},
                          {"growth", growth_columns, growth},
                          {"limit", limit_columns, limit},
-                         {"sweep", sweep_columns, sweep},
-                         {"side_by_side", side_by_side_columns, side_by_side},
                          {"stability", stability_columns, stability}};
 
 }  // namespace

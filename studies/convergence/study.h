@@ -57,15 +57,6 @@ inline constexpr const char* growth_columns = "what,against,count,value";
 void limit(Table& table);
 inline constexpr const char* limit_columns = "modes,turn,ours_ns,limit_ns";
 
-/// ns per tick and replica: eight in a sweep, and one after the other, measured alternately.
-void sweep(Table& table);
-inline constexpr const char* sweep_columns = "modes,impacts,h,turn,sweep_ns,single_ns";
-
-/// us per run of a study's replica, on the paper's beam over 100 units of time: eight runs side by
-/// side, and one after the other, measured alternately.
-void side_by_side(Table& table);
-inline constexpr const char* side_by_side_columns = "modes,tick,turn,together_us,alone_us";
-
 /// Missed and spurious impacts of each method on the paper's beam with more and more modes.
 void stability(Table& table);
 inline constexpr const char* stability_columns = "method,modes,step,result,found,impacts";

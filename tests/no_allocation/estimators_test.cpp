@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "sprag/detail/replica/any_replica.h"
-#include "sprag/detail/replica/replica_sweep.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_events.h"
 #include "tests/support/random_model.h"
@@ -195,14 +194,6 @@ TEST(ReplicaTick, OfManyContactsAllocatesOnlyTheFirstTime) {
   EXPECT_EQ(met.allocations, 0);
   EXPECT_GT(met.several_ticks, 100);
   EXPECT_GT(met.switchings, 100);
-}
-
-TEST(ReplicaSweep, RunsWithoutAllocating) {
-  const Drive drive = shipped("paper_beam_chatter");
-  const ReplicaSweep::Run run{std::make_shared<Flows>(drive.model), drive.start, drive.events};
-  ReplicaSweep sweep(std::vector(3, run), drive.h);
-  EXPECT_EQ(allocations_of([&] { sweep.run(drive.ticks()); }), 0);
-  EXPECT_EQ(sweep.state(0).tick, drive.ticks());
 }
 
 // A rollback copies states, into a used one and into a new one of the same replica.

@@ -364,52 +364,6 @@ TEST(StudyFigures, CountContactsThatAreClosedAtTheStart) {
   EXPECT_GT(follow(EstimatorKind::replica, scene, {}, truth, 0.0).V_max, 1.0);
 }
 
-// Machines of three structures, two lengths of tick, and a machine that cannot be followed.
-TEST(StudyFigures, OfReplicasInOneSweepEqualThoseOfSingleRuns) {
-  std::vector<Scene> scenes;
-  std::vector<std::vector<ContactEvent>> events;
-  std::vector<Truth> truths;
-  const auto add = [&](Scene scene, double tick) {
-    const auto run = static_cast<std::uint64_t>(scenes.size());
-    truths.push_back(run_machine(scene, 10.0, tick, 50));
-    const auto contacts = static_cast<int>(scene.model.contacts.size());
-    events.push_back(
-        disturb(truths.back().events, {.jitter = 1e-3, .spurious = 0.2}, contacts, 10.0, 5, run));
-    scene.model.K *= 1.0 + 1e-3 * static_cast<double>(run);
-    scene.prior.start.q.array() += 1e-3;
-    scenes.push_back(std::move(scene));
-  };
-  const auto scene = [](const std::string& name) {
-    return read_scene(SPRAG_SOURCE_DIR "/scenes/" + name + ".toml");
-  };
-  for (int i = 0; i < 11; ++i) add(scene(i % 3 == 0 ? "paper_beam_chatter" : "lab_rig"), 1e-2);
-  add(scene("two_stops_beam"), 1e-2);
-  for (int i = 0; i < 2; ++i) add(scene("lab_rig"), 2e-2);
-  scenes[2].model.M *= -1.0;
-  Scene at_rest = scene("bouncing_ball");
-  at_rest.truth.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Zero(1)};
-  at_rest.prior.start = {Eigen::VectorXd::Zero(1), Eigen::VectorXd::Ones(1)};
-  for (int i = 0; i < 2; ++i) add(at_rest, 1e-2);
-
-  std::vector<EstimatorInput> runs;
-  for (std::size_t i = 0; i < scenes.size(); ++i) runs.push_back({scenes[i], events[i], truths[i]});
-  const auto figures = follow_replicas(runs, 1e-3);
-  ASSERT_EQ(figures.size(), runs.size());
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    SCOPED_TRACE(i);
-    ASSERT_EQ(figures[i].has_value(), i != 2 && i != 11);
-    if (!figures[i]) continue;
-    const Figures alone = follow(EstimatorKind::replica, scenes[i], events[i], truths[i], 1e-3);
-    EXPECT_EQ(figures[i]->V, alone.V);
-    EXPECT_EQ(figures[i]->V_floor, alone.V_floor);
-    EXPECT_EQ(figures[i]->V_max, alone.V_max);
-    EXPECT_EQ(figures[i]->rate, alone.rate);
-    EXPECT_EQ(figures[i]->time_below, alone.time_below);
-    EXPECT_TRUE(std::isnan(figures[i]->nees));
-    EXPECT_TRUE(std::isnan(figures[i]->trusted));
-  }
-}
-
 TEST(StudyFigures, CountSamplesFarAboveReplica) {
   const std::vector<EstimatorKind> kinds = {EstimatorKind::timing, EstimatorKind::replica,
                                             EstimatorKind::both};

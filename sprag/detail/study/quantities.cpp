@@ -9,8 +9,6 @@
 #include "sprag/detail/analysis/recurrence.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/detail/replica/replica_sweep.h"
-#include "sprag/error.h"
 #include "sprag/master.h"
 
 namespace sprag::study {
@@ -119,13 +117,7 @@ struct Measurement::Run {
 };
 
 Measurement::Measurement(const Study& study)
-    : study_(study),
-      recorded_(recorded_columns(study).size()),
-      together_(study.record.of_estimators() &&
-                        std::count(study.estimators.begin(), study.estimators.end(),
-                                   EstimatorKind::replica) > 0
-                    ? ReplicaSweep::lanes
-                    : 1) {}
+    : study_(study), recorded_(recorded_columns(study).size()) {}
 
 const Setting& Measurement::setting_at(const std::vector<double>& values) {
   if (!setting_ || values != values_) {
@@ -167,29 +159,13 @@ void Measurement::begin(Run& run) {
                           .lyapunov = record.lyapunov});
 }
 
-void Measurement::follow_all(std::vector<Run>& runs) const {
+void Measurement::follow_all(Run& run) const {
   if (!study_.record.of_estimators()) return;
-  std::vector<Run*> good;
-  std::vector<EstimatorInput> inputs;
-  for (Run& run : runs) {
-    if (!run.failure.empty()) continue;
-    good.push_back(&run);
-    inputs.push_back({run.setting.observer, run.arrived, run.truth});
+  for (const EstimatorKind kind : study_.estimators) {
+    run.figures.push_back(
+        follow(kind, run.setting.observer, run.arrived, run.truth, study_.threshold));
   }
-  std::vector<std::optional<Figures>> of_replicas(good.size());
-  if (good.size() > 1) of_replicas = follow_replicas(inputs, study_.threshold);
-  for (std::size_t i = 0; i < good.size(); ++i) {
-    Run& run = *good[i];
-    note_failure(run, [&] {
-      for (const EstimatorKind kind : study_.estimators) {
-        run.figures.push_back(
-            kind == EstimatorKind::replica && of_replicas[i]
-                ? *of_replicas[i]
-                : follow(kind, run.setting.observer, run.arrived, run.truth, study_.threshold));
-      }
-      if (study_.record.worse) add_worse(study_.estimators, run.figures);
-    });
-  }
+  if (study_.record.worse) add_worse(study_.estimators, run.figures);
 }
 
 // The recorded values: one row, or one for each n.
@@ -230,26 +206,22 @@ void Measurement::append(const Run& run, std::vector<Row>& rows) const {
   }
 }
 
-Computed Measurement::append_rows(Range range, std::vector<Row>& rows) {
-  std::vector<Run> runs(std::min<std::size_t>(together_, static_cast<std::size_t>(range.size())));
-  Computed computed;
-  for (Run& run : runs) {
-    run.index = range.first + computed.runs++;
-    note_failure(run, [&] { begin(run); });
-  }
-  follow_all(runs);
-  for (const Run& run : runs) {
-    append(run, rows);
-    if (!run.failure.empty()) ++computed.failures;
-  }
-  return computed;
+bool Measurement::append_rows(std::int64_t index, std::vector<Row>& rows) {
+  Run run;
+  run.index = index;
+  note_failure(run, [&] {
+    begin(run);
+    follow_all(run);
+  });
+  append(run, rows);
+  return run.failure.empty();
 }
 
-Computed Measurement::append_rows(Range range, std::string& text) {
+bool Measurement::append_rows(std::int64_t index, std::string& text) {
   std::vector<Row> rows;
-  const Computed computed = append_rows(range, rows);
+  const bool good = append_rows(index, rows);
   for (const Row& row : rows) append_line(study_, row, text);
-  return computed;
+  return good;
 }
 
 void append_line(const Study& study, const Row& row, std::string& text) {

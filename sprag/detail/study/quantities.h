@@ -8,7 +8,6 @@
 
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/study/design.h"
-#include "sprag/detail/study/range.h"
 #include "sprag/detail/study/study_file.h"
 #include "sprag/detail/study/trial.h"
 
@@ -32,30 +31,29 @@ struct Row {
 /// Appends the row as a line of a CSV file, in the order of columns().
 void append_line(const Study& study, const Row& row, std::string& text);
 
-/// Computes runs, replicas of several runs at once. Data kept between calls only saves time.
+/// Computes runs. Data kept between calls only saves time.
 class Measurement {
  public:
   /// `study` must outlive this.
   explicit Measurement(const Study& study);
 
-  /// Appends the rows of the first runs of a nonempty range. A failed run is one row with the
-  /// reason. Throws Interrupted.
-  Computed append_rows(Range range, std::vector<Row>& rows);
+  /// Appends the rows of a run. A failed run is one row with the reason, and returns false. Throws
+  /// Interrupted.
+  bool append_rows(std::int64_t index, std::vector<Row>& rows);
   /// The same as lines of a CSV file.
-  Computed append_rows(Range range, std::string& text);
+  bool append_rows(std::int64_t index, std::string& text);
 
  private:
   struct Run;
 
   const Setting& setting_at(const std::vector<double>& values);
   void begin(Run& run);
-  void follow_all(std::vector<Run>& runs) const;
+  void follow_all(Run& run) const;
   std::vector<std::vector<double>> recorded(const Run& run) const;
   void append(const Run& run, std::vector<Row>& rows) const;
 
   const Study& study_;
   std::size_t recorded_;  // number of recorded columns
-  std::size_t together_;  // largest number of runs computed at once
   std::vector<double> values_;
   std::unique_ptr<const Setting> setting_;  // for values_
   std::unique_ptr<const Flows> flows_;      // of its machine

@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
-#include <numeric>
 #include <utility>
 
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/detail/replica/replica_sweep.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 
@@ -20,8 +17,7 @@ constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
 constexpr double usual_threshold = 1e-4;  // of V at the start
 constexpr double near_floor = 10.0;
 constexpr double much_worse = 10.0;
-constexpr double rounding = 1e-20;                     // of V at the start
-constexpr std::int64_t ticks_between_looks = 1 << 12;  // between checks for a stop request
+constexpr double rounding = 1e-20;  // of V at the start
 
 double median(std::vector<double> values) {
   if (values.empty()) return undefined;
@@ -78,51 +74,6 @@ Figures figures_of(std::vector<double> samples, double interval, double threshol
   figures.rate = std::log(V.front() / *landed) / time_of(landed);
   figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
   return figures;
-}
-
-using SharedFlows = std::shared_ptr<Flows>;
-
-SharedFlows flows_of(const Model& model) {
-  try {
-    return std::make_shared<Flows>(model);
-  } catch (const ModelError&) {
-    return nullptr;
-  }
-}
-
-bool same_ticks(const Truth& a, const Truth& b) {
-  return a.tick == b.tick && a.stride == b.stride && a.samples() == b.samples();
-}
-
-void follow_group(std::span<const EstimatorInput> runs, std::span<const SharedFlows> flows,
-                  std::span<const std::size_t> group, double threshold,
-                  std::span<std::optional<Figures>> figures) {
-  const Truth& first = runs[group.front()].truth;
-  const Eigen::Index f = runs[group.front()].scene.model.coordinates();
-  std::vector<ReplicaSweep::Run> of_sweep;
-  std::vector<ErrorEnergy> energies;
-  for (const std::size_t i : group) {
-    of_sweep.push_back({flows[i], runs[i].scene.prior.start, runs[i].events, 0, max_tick});
-    energies.emplace_back(runs[i].truth.model);
-  }
-  ReplicaSweep sweep(of_sweep, first.tick);
-  std::vector<std::vector<double>> V(group.size());
-  Eigen::VectorXd q(f), u(f);
-  std::int64_t k = 0;
-  for (Eigen::Index sample = 0; sample <= first.samples(); ++sample) {
-    while (k < sample * first.stride) {
-      check_interrupt();
-      k = std::min(k + ticks_between_looks, sample * first.stride);
-      sweep.run(k);
-    }
-    for (std::size_t l = 0; l < group.size(); ++l) {
-      sweep.output(l, q, u);
-      V[l].push_back(error_energy(energies[l], runs[group[l]].truth, sample, q, u));
-    }
-  }
-  for (std::size_t l = 0; l < group.size(); ++l) {
-    figures[group[l]] = figures_of(std::move(V[l]), first.interval(), threshold);
-  }
 }
 
 }  // namespace
@@ -205,37 +156,6 @@ Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEv
     figures.nees = squares.sum / count;
     figures.beyond_3_sigma = static_cast<double>(squares.beyond) / count;
     figures.trusted = static_cast<double>(trusted) / static_cast<double>(truth.samples());
-  }
-  return figures;
-}
-
-std::vector<std::optional<Figures>> follow_replicas(std::span<const EstimatorInput> runs,
-                                                    double threshold) {
-  std::vector<std::optional<Figures>> figures(runs.size());
-  std::vector<SharedFlows> flows(runs.size());
-  std::vector<std::size_t> left;
-  for (std::size_t i = 0; i < runs.size(); ++i) {
-    if (runs[i].truth.stride > 1) flows[i] = flows_of(runs[i].scene.model);
-    if (flows[i]) left.push_back(i);
-  }
-  while (!left.empty()) {
-    const std::size_t first = left.front();
-    std::vector<std::size_t> group, others;
-    for (const std::size_t i : left) {
-      const bool beside = group.size() < ReplicaSweep::lanes &&
-                          same_ticks(runs[i].truth, runs[first].truth) &&
-                          ReplicaSweep::of_one_structure(*flows[i], *flows[first]);
-      (beside ? group : others).push_back(i);
-    }
-    left = others;
-    if (group.size() == 1) continue;
-    try {
-      follow_group(runs, flows, group, threshold, figures);
-    } catch (const Interrupted&) {
-      throw;
-    } catch (const std::exception&) {
-      // A run of the group failed. Each is followed alone later, where its error is reported.
-    }
   }
   return figures;
 }

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -63,20 +62,6 @@ struct Figures {
 /// Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& scene, std::span<const ContactEvent> events,
                const Truth& truth, double threshold);
-
-/// Input of an estimator, and the truth of the run.
-struct EstimatorInput {
-  const Scene& scene;
-  std::span<const ContactEvent> events;
-  const Truth& truth;
-};
-
-/// The results of follow() for the replica of each run, bit for bit, in a fraction of the time:
-/// runs with the same structure and ticks are computed at once (replica_sweep.h). Nullopt for a run
-/// that must be followed alone: no other run has its structure, it has no ticks between its
-/// samples, so that nothing would be gained, or a run of its group throws. Throws Interrupted.
-std::vector<std::optional<Figures>> follow_replicas(std::span<const EstimatorInput> runs,
-                                                    double threshold);
 
 /// Sets `worse` of all estimators except the replica: the fraction of settled samples at which V is
 /// more than ten times the replica's, and above the rounding level, 1e-20 of V at the start.
