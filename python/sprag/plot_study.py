@@ -203,9 +203,12 @@ class _Picture:
         return figure
 
     def _is_known(self, quantity: str) -> bool:
-        rows = self.rows if self._of_stroboscope(quantity) else self.once
-        with_key = rows[np.isfinite(rows[self.keys[0]])]
-        return any(np.isfinite(with_key[c]).any() for c in self._line_columns(quantity))
+        return any(np.isfinite(self._known(c)[c]).any() for c in self._line_columns(quantity))
+
+    def _known(self, column: str) -> pd.DataFrame:
+        """Rows with finite keys and a value in this column."""
+        rows = self.rows if self._of_stroboscope(column) else self.once
+        return rows[np.isfinite(rows[self.keys]).all(axis=1) & rows[column].notna()]
 
     def _line_columns(self, quantity: str) -> list[str]:
         return ["attractor.period"] if quantity == "attractor" else self._columns_of(quantity)
@@ -213,8 +216,7 @@ class _Picture:
     def _median_and_band(self, axes: Axes, quantity: str) -> None:
         shown = []
         for column in self._line_columns(quantity):
-            known = self.once[[self.keys[0], column]].dropna()
-            runs = known[np.isfinite(known[self.keys[0]])].groupby(self.keys[0])[column]
+            runs = self._known(column).groupby(self.keys[0])[column]
             values = [np.sort(of_key.to_numpy()) for _, of_key in runs]
             x = np.array([key for key, _ in runs])
             quantiles = np.array([[_quantile(v, p) for p in (0.05, 0.5, 0.95)] for v in values])
@@ -266,19 +268,13 @@ class _Picture:
 
     def _map_columns(self, quantity: str) -> list[str]:
         if quantity == "attractor":
-            return [quantity] if len(self._starts()) else []
+            period = "attractor.period"
+            return [quantity] if period in self.rows and len(self._known(period)) else []
         return [c for c in self._columns_of(quantity) if np.isfinite(self._medians(c)).any()]
 
-    def _cells(self, rows: pd.DataFrame) -> pd.DataFrame:
-        return rows[np.isfinite(rows[self.keys]).all(axis=1)]
-
     def _medians(self, column: str) -> pd.Series[Any]:
-        rows = self.rows if self._of_stroboscope(column) else self.once
-        known = self._cells(rows)[[*self.keys, column]].dropna()
-        medians: dict[Any, float] = {
-            key: _quantile(np.sort(runs.to_numpy()), 0.5)
-            for key, runs in known.groupby(self.keys)[column]
-        }
+        runs_of = self._known(column).groupby(self.keys)[column]
+        medians = {key: _quantile(np.sort(runs.to_numpy()), 0.5) for key, runs in runs_of}
         return type(self.rows[column])(medians, dtype=float)
 
     def _map(self, axes: Axes, column: str, together: Sequence[str]) -> None:
@@ -296,16 +292,11 @@ class _Picture:
         if is_wide:
             logarithmic_ticks(bar.ax.yaxis, finite.min(), finite.max())
 
-    def _starts(self) -> pd.DataFrame:
-        if "attractor.period" not in self.once:
-            return self.once[:0]
-        return self._cells(self.once).dropna(subset=["attractor.period"])
-
     def _basin(self, axes: Axes) -> None:
         """Each start in the colour of its attractor."""
         from matplotlib import colors
 
-        starts = self._starts()
+        starts = self._known("attractor.period")
         periods = starts["attractor.period"].to_numpy(float)
         q, u = (
             np.nan_to_num(starts.filter(regex=rf"^attractor\.{letter}\d+$").to_numpy(float))

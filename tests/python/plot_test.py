@@ -544,6 +544,10 @@ class StudyTest(Files):
         )
         self.assertEqual(plot_study._edges(np.array([1.0, 2.0])).tolist(), [0.5, 1.5, 2.5])
 
+    def test_a_key_is_a_quantity_too(self):
+        figure = self.draw(self.study(["x"], ["V"], [(1, 2), (3, 4)]), show=["x"])
+        self.assertEqual(figure.axes[0].lines[0].get_ydata().tolist(), [1.0, 3.0])
+
     def test_sparse_data_is_drawn(self):
         rows = [(1, 1, 1, 4, -math.inf, 2), (1, 2, 2, 3, -math.inf, math.inf)]
         columns = ["attractor.period", "attractor.q1", "rate", "V"]
