@@ -115,13 +115,15 @@ class Panels:
         """Names of the panels that would be shown by default if there were room."""
         return [p.name for p in self.all if p.rank == "single"][MOST_SINGLE_PANELS:]
 
-    def zoom(self, panels: Sequence[Panel], span: Span) -> Span | None:
+    def zoom(
+        self, panels: Sequence[Panel], span: Span, most_turns: int = MOST_TURNS
+    ) -> Span | None:
         """A part in which the first panel's motion is legible; None where the whole span is."""
         first = next((panel for panel in panels if not panel.whole_run), None)
         if first is None:
             return None
         turns = max((_turns(t, y, span) for t, y in self._motions(first.name)), default=0)
-        if turns <= MOST_TURNS:
+        if turns <= most_turns:
             return None
         length = (span[1] - span[0]) * TURNS_IN_ZOOM / turns
         digit = 10.0 ** np.floor(np.log10(length))

@@ -29,7 +29,7 @@ from sprag.report.analysis import (
 )
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
-from sprag.report.pictures import correlation_picture
+from sprag.report.pictures import MotionPictures, correlation_picture
 from sprag.report.run import certainty_section, impacts_section, measurement_section
 from sprag.tables import read_table
 
@@ -196,6 +196,16 @@ class AnalysisTest(FolderCase):
         self.assertEqual(shown[1], ["1", "impact", "4", "0.3 m/s", "0.5 m/s", "3"])
         self.assertEqual(shown[2], ["2", "impact", "1", "1.5 m/s", "1.5 m/s", "5"])
         self.assertEqual(len(shown), 3)
+
+    def test_a_motion_that_is_a_block_on_a_phone_is_shown_in_part(self):
+        for periods, part in ((20, None), (40, "Only t = 0 to 50 s is shown")):
+            t = np.linspace(0.0, 100.0, 20 * periods)
+            rows = enumerate(zip(t, np.sin(2 * np.pi * periods * t / 100.0)))
+            table = self.table("k,t,q1\n" + "".join(f"{k},{x},{y}\n" for k, (x, y) in rows))
+            inputs = Inputs("s.toml", "s", None, tables=[table])
+            (picture,) = MotionPictures(inputs, (-np.inf, np.inf)).of_motion()
+            self.assertIn(part or "Coordinates and outputs.", picture.caption)
+            self.assertEqual("Only" in picture.caption, part is not None)
 
     def test_an_infinite_bound_has_no_row(self):
         none = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,inf\n")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 WIDTH = 4.4  # inches: its texts are legible on a phone, where it is half as wide as on a desktop
 BLUE = RUN_COLOURS[1]
 MOST_GAPS, MOST_OTHERS = 6, 4  # panels in one picture
+MOST_TURNS = 50  # of a motion that is legible on a phone
 MOST_WRITTEN = 12  # numbers in a row of a matrix
 COMPACT = {"ncols": 3, "frameon": False, "fontsize": 7, "columnspacing": 0.8, "handletextpad": 0.1}
 _FONT = re.compile(r"(?<=[; \"])font: (?:(?P<weight>\w+) )?(?P<size>[\d.]+px) ")
@@ -202,7 +203,7 @@ class MotionPictures:
         return pictures
 
     def _legible(self, show: list[str], caption: str, left_out: list[str]) -> Picture:
-        part = self.panels.zoom(self.panels.chosen(show), self.span)
+        part = self.panels.zoom(self.panels.chosen(show), self.span, MOST_TURNS)
         if left_out:
             caption += f" Not shown: {', '.join(left_out)}."
         if part is not None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .inputs import Inputs, ObserverRun
 
 Span = tuple[float, float]
+AT = "at\N{NO-BREAK SPACE}t\N{NO-BREAK SPACE}[s]"
 
 
 def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
@@ -255,7 +256,7 @@ def impacts_section(inputs: Inputs, span: Span) -> Section | None:
 
 
 def _speeds(impacts: Table) -> Grid:
-    head = "contact,kind,events,median speed,largest speed,at t [s],its sigma,largest impulse [N s]"
+    head = f"contact,kind,events,median speed,largest speed,{AT},its sigma,largest impulse [N s]"
     grid = Grid(f"Closings of {impacts.label}, by contact and kind", head.split(","))
     names = ("velocity_before", "sigma_velocity_before", "impulse")
     if any(name not in impacts.data for name in names):
@@ -275,7 +276,7 @@ def _speeds(impacts: Table) -> Grid:
 def certainty_section(inputs: Inputs, span: Span) -> Section | None:
     """V, and the bound B where it is finite."""
     section = Section("Error energy V and bound B")
-    head = ["quantity", "run", "first", "at t [s]", "last", "at t [s]"]
+    head = ["quantity", "run", "first", AT, "last", AT]
     grid = Grid("First and last value", head)
     drawn = False
     for table in inputs.tables:
