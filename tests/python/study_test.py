@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 import unittest
+import unittest.mock
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -182,6 +183,18 @@ class ExecutorsTest(StudyTest):
         for options in (["--mpi", "--dask", "x"], ["--mpi", "--jobs", "2"]):
             self.run_program(self.command(file, "folder", *options), 2)
         self.assertFalse((self.path / "folder").exists())
+
+
+class ProgressTest(unittest.TestCase):
+    def test_it_estimates_the_time_left(self):
+        progress = studies.Progress(total=1000, before=20, workers=2, begin=100.0)
+        with unittest.mock.patch("time.perf_counter", return_value=160.0):
+            self.assertEqual(str(progress), "20 of 1000 runs, 0 per second, 0 failed")
+            progress.done, progress.failures = 30, 1
+            left = "50 of 1000 runs, 0.5 per second, 31 min 40 s left, 1 failed"
+            self.assertEqual(str(progress), left)
+            progress.done = 980
+            self.assertEqual(str(progress), "1000 of 1000 runs, 16.3 per second, 1 failed")
 
 
 class InterruptionsTest(StudyTest):
