@@ -184,6 +184,19 @@ CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::p
                      "Scene: a file (TOML), or the name of one that `sprag scenes` lists");
 }
 
+void add_events_and_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& events,
+                          std::filesystem::path& scene) {
+  add_file(app, options, "EVENTS", NamedFile::Use::read, events, "", "LCM log or events CSV")
+      ->required(false);
+  add_scene(app, options, scene)->required(false);
+  app.parse_complete_callback([&events, &scene] {
+    if (events.empty()) throw CLI::RequiredError("SCENE");
+    if (!scene.empty()) return;
+    scene = find_scene(events, scenes_folder());
+    events.clear();
+  });
+}
+
 CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
   return add_shipped(app, options, "STUDY", studies_folder(), file,
                      "Study: a file (TOML), or the name of one that `sprag scenes` lists");

@@ -77,6 +77,10 @@ std::filesystem::path studies_folder();
 /// Adds the argument SCENE: a file, or a name in scenes_folder(). `file` receives the file.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
+/// Adds the arguments [EVENTS] SCENE: of one argument alone `events` stays empty.
+void add_events_and_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& events,
+                          std::filesystem::path& scene);
+
 /// Adds the argument STUDY: a file, or a name in studies_folder().
 CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 

@@ -100,8 +100,7 @@ TEST_F(OverwriteTest, ToolsDoNotOverwriteInputs) {
   const Arguments reduce{events_, beam_, "--modes", "2", "--output"};
   expect_refused("reduce", reduce + Arguments{events_}, "EVENTS", "--output");
   expect_refused("reduce", reduce + Arguments{beam_}, "SCENE", "--output");
-  expect_refused("check_scene", {beam_, "--accuracy", "1e-3", "--output", beam_}, "SCENE",
-                 "--output");
+  expect_refused("reduce", {beam_, "--accuracy", "1e-3", "--output", beam_}, "SCENE", "--output");
   expect_refused("import_events", {rig_, beam_, "--output", rig_}, "FILE", "--output");
   expect_refused("import_events", {rig_, beam_, "--report", rig_}, "FILE", "--report");
   const std::string out = file("out.csv");

@@ -241,7 +241,7 @@ TEST_F(UsageTest, FullDiskIsAFailure) {
            {"sync_logger",
             {beam_, "--truth", file("truth.csv"), "--estimate", file("truth.csv"), "--csv",
              "/dev/full"}},
-           {"check_scene", {beam_, "--accuracy", "1e-3", "--output", "/dev/full"}},
+           {"reduce", {beam_, "--accuracy", "1e-3", "--output", "/dev/full"}},
            {"import_events", {file("times.csv"), beam_, "--output", file("full.csv")}},
            {"identify",
             {file("events.csv"), beam_, "--free", "impact.restitution", "--output", "/dev/full"}},

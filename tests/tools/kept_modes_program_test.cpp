@@ -180,15 +180,12 @@ TEST_F(KeptModesProgramTest, EveryProgramTakesTheScene) {
   EXPECT_EQ(run(REDUCE, {path("merged.csv"), file, "--modes", "2"}).code, 0);
 }
 
-TEST_F(KeptModesProgramTest, CheckSceneNamesTheKeys) {
+TEST_F(KeptModesProgramTest, ReduceNamesTheKeys) {
   write_rig(10);
   const std::string whole = scene("whole.toml", "", 0.7);
-  const Ended ended = run(CHECK_SCENE, {whole, "--accuracy", "3e-2", "--json"});
+  const Ended ended = run(REDUCE, {whole, "--accuracy", "3e-2", "--json"});
   const auto report = nlohmann::json::parse(ended.out);
-  std::string what;
-  for (const auto& finding : report["findings"]) {
-    if (finding["id"] == "accuracy") what = finding["what"];
-  }
+  const std::string what = report["what"];
   const std::size_t at = what.find("the scene keeps these with system.modes = ");
   ASSERT_NE(at, std::string::npos) << what;
   // The keys are accepted, and give as many coordinates.
@@ -198,9 +195,7 @@ TEST_F(KeptModesProgramTest, CheckSceneNamesTheKeys) {
   const std::size_t replica = keys.find(", replica.");
   const std::string of_system = keys.substr(0, replica);
   EXPECT_EQ(read_scene(scene("part.toml", of_system, 0.7)).model.coordinates(),
-            report["accuracy"].contains("corrected")
-                ? report["accuracy"]["corrected"]["coordinates"].get<int>()
-                : report["accuracy"]["modes"].get<int>())
+            report["corrected"]["coordinates"].get<int>())
       << what;
 }
 

@@ -1,5 +1,5 @@
-// reduce and check_scene --output with the other programs: a beam of 20 modes is recorded, reduced,
-// and observed with the result.
+// reduce with the other programs: a beam of 20 modes is recorded, reduced, and observed with the
+// result.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -125,18 +125,20 @@ TEST_F(ReduceProgramTest, ReducesByRecordingAndObserverConverges) {
   EXPECT_EQ(nlohmann::json::parse(json.out)["candidates"], report["candidates"]);
 }
 
-TEST_F(ReduceProgramTest, CheckSceneWritesTheFewestCoordinates) {
+TEST_F(ReduceProgramTest, WritesTheFewestCoordinatesWithoutEvents) {
   const std::string beam = scene();
   const Ended ended =
-      run(CHECK_SCENE, {beam, "--accuracy", "1e-4", "--output", path("reduced.toml"), "--json"});
+      reduce({beam, "--accuracy", "1e-4", "--output", path("reduced.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.err;
-  const auto accuracy = nlohmann::json::parse(ended.out)["accuracy"];
+  const auto accuracy = nlohmann::json::parse(ended.out);
   const Scene reduced = read_scene(path("reduced.toml"));
   EXPECT_EQ(accuracy["corrected"]["coordinates"], reduced.model.coordinates());
   EXPECT_LT(accuracy["corrected"]["coordinates"], accuracy["modes"]);
   EXPECT_LT(accuracy["corrected"]["change"], 1e-4);
-  const Ended text = run(CHECK_SCENE, {beam, "--accuracy", "1e-4"});
-  EXPECT_NE(text.out.find(" (b_0, b_1) are enough as well"), std::string::npos) << text.out;
+  EXPECT_EQ(accuracy["changes"].back()["modes"], 20);
+  const Ended text = reduce({beam, "--accuracy", "1e-4"});
+  EXPECT_TRUE(text.out.starts_with("stiff_beam: of 20 modes the first ")) << text.out;
+  EXPECT_NE(text.out.find("(b_0, b_1) are enough as well"), std::string::npos) << text.out;
   simulate(beam, "80");
   EXPECT_LT(tip_error(path("reduced.toml")), 1e-4);
 }
@@ -148,7 +150,14 @@ TEST_F(ReduceProgramTest, BadUsageAndInputExitWithTwoAndWriteNothing) {
   const std::string out = path("out.toml");
   const std::string coupled = SPRAG_SOURCE_DIR "/scenes/non_proportional.toml";
   for (const auto& [arguments, message] : std::vector<std::pair<Arguments, std::string>>{
+           {{}, "SCENE is required"},
+           {{beam}, "--modes is required, or --accuracy"},
            {{events, beam}, "--modes is required"},
+           {{beam, "--modes", "2"}, "EVENTS is required with --modes"},
+           {{events, beam, "--accuracy", "1e-3"}, "--accuracy is without EVENTS"},
+           {{beam, "--accuracy", "1e-3", "--modes", "2"}, "--modes excludes --accuracy"},
+           {{beam, "--accuracy", "0"}, "--accuracy"},
+           {{coupled, "--accuracy", "1e-3"}, "damping couples the modes"},
            {{events, beam, "--modes", "0"},
             "--modes: 0 is not allowed; must be a whole number > 0"},
            {{events, beam, "--modes", "1.5"}, "--modes: 1.5"},
@@ -165,8 +174,9 @@ TEST_F(ReduceProgramTest, BadUsageAndInputExitWithTwoAndWriteNothing) {
   const Ended over = reduce({events, beam, "--modes", "2", "--output", beam});
   EXPECT_EQ(over.code, 2);
   EXPECT_NE(over.err.find("--output"), std::string::npos) << over.err;
-  EXPECT_EQ(run(CHECK_SCENE, {beam, "--output", out}).code, 2);
-  EXPECT_EQ(run(CHECK_SCENE, {coupled, "--accuracy", "1e-3", "--output", out}).code, 2);
+  const Ended own = reduce({beam, "--accuracy", "1e-3", "--output", beam});
+  EXPECT_EQ(own.code, 2);
+  EXPECT_NE(own.err.find("--output"), std::string::npos) << own.err;
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 

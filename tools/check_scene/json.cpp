@@ -50,16 +50,6 @@ nlohmann::ordered_json trial_json(const Trial& trial) {
   return object;
 }
 
-nlohmann::ordered_json fewest_json(const Accuracy& accuracy) {
-  const Reduction& fewest = accuracy.fewest;
-  nlohmann::ordered_json object{{"coordinates", accuracy.coordinates()},
-                                {"modes", fewest.modes},
-                                {"correction", fewest.correction},
-                                {"change", accuracy.change}};
-  if (fewest.share) object["share"] = *fewest.share;
-  return object;
-}
-
 }  // namespace
 
 void write_json(const Assessment& a, nlohmann::ordered_json& object) {
@@ -94,17 +84,6 @@ void write_json(const Assessment& a, nlohmann::ordered_json& object) {
                           {"known_from", a.filter->known_from},
                           {"follows", a.filter->follows()}};
     }
-  }
-  if (a.accuracy) {
-    auto changes = nlohmann::ordered_json::array();
-    for (const Accuracy::Change& change : a.accuracy->changes) {
-      changes.push_back({{"modes", change.modes}, {"change", change.change}});
-    }
-    object["accuracy"] = {{"tolerance", a.accuracy->tolerance},
-                          {"duration", a.accuracy->duration},
-                          {"modes", a.accuracy->modes},
-                          {"changes", std::move(changes)},
-                          {"corrected", fewest_json(*a.accuracy)}};
   }
   object["findings"] = nlohmann::ordered_json::array();
   for (const Finding& finding : a.findings) {

@@ -5,7 +5,6 @@
 #include "command_line/program.h"
 #include "sprag/assessment.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"
-#include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/text/parameters_text.h"
 #include "sprag/detail/text/printable.h"
 #include "sprag/scene.h"
@@ -27,22 +26,12 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   std::filesystem::path file;
   bool json = false;
-  double tolerance = 0.0;
-  std::filesystem::path output;
   sprag::add_common_options(*app, common);
   sprag::add_scene(*app, common, file);
   sprag::add_flag(*app, "--json", json, "Print one JSON object");
   bool machine = false;
   sprag::add_flag(*app, "--machine", machine,
                   "Check nothing: print contacts and outputs of the machine as one JSON object");
-
-  CLI::Option* accuracy =
-      sprag::add_positive(*app, "--accuracy", tolerance, "TOL",
-                          "Also report the fewest modes that show the tip to TOL metres, and the "
-                          "fewest coordinates with a correction for the omitted modes");
-  sprag::needs(sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, output,
-                               "REDUCED.toml", "With --accuracy: write the scene in these"),
-               accuracy);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(file, common);
@@ -57,7 +46,6 @@ int main(int argc, char** argv) {
       return std::chrono::steady_clock::now() - begin > longest_trial;
     };
     sprag::Assessment assessment = sprag::assess(scene, limits);
-    if (tolerance > 0.0) sprag::assess_accuracy(scene, tolerance, limits, assessment);
     sprag::write_json(assessment, object);
     sprag::write_parameters(scene, object);
     const auto guaranteed = sprag::guaranteed_widths(scene);
@@ -67,12 +55,6 @@ int main(int argc, char** argv) {
                         sprag::to_text(assessment) + sprag::parameters_text(scene) +
                             sprag::guaranteed_text(scene, guaranteed),
                         json, report);
-    if (!output.empty()) {
-      if (!assessment.accuracy) throw sprag::ModelError(assessment.findings.back().what);
-      const sprag::Reduction& fewest = assessment.accuracy->fewest;
-      sprag::write_scene(output, sprag::reduced_scene(scene, fewest.machine),
-                         sprag::description(scene, fewest));
-    }
     return assessment.synchronizes() ? sprag::exit_done : exit_may_not;
   });
 }

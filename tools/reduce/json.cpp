@@ -28,4 +28,20 @@ void write_json(const ReductionTable& table, nlohmann::ordered_json& object) {
   }
 }
 
+void write_json(const Accuracy& accuracy, nlohmann::ordered_json& object) {
+  object["tolerance"] = accuracy.tolerance;
+  object["duration"] = accuracy.duration;
+  object["modes"] = accuracy.modes;
+  object["changes"] = nlohmann::ordered_json::array();
+  for (const Accuracy::Change& change : accuracy.changes) {
+    object["changes"].push_back({{"modes", change.modes}, {"change", change.change}});
+  }
+  const Reduction& fewest = accuracy.fewest;
+  object["corrected"] = {{"coordinates", accuracy.coordinates()},
+                         {"modes", fewest.modes},
+                         {"correction", fewest.correction},
+                         {"change", accuracy.change}};
+  if (fewest.share) object["corrected"]["share"] = *fewest.share;
+}
+
 }  // namespace sprag

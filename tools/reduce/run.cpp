@@ -1,17 +1,55 @@
 #include "tools/reduce/run.h"
 
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
+#include "sprag/assessment.h"
 #include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/detail/text/reduction_text.h"
 #include "tools/reduce/json.h"
 
 namespace sprag {
 namespace {
+
+constexpr auto longest_trial = std::chrono::seconds(5);
+
+void check_usage(const ReduceRun& run) {
+  if (run.accuracy > 0.0) {
+    if (!run.events.empty())
+      throw UsageError("--accuracy is without EVENTS; with them use --modes");
+    return;
+  }
+  if (run.modes == 0) throw UsageError("--modes is required, or --accuracy without EVENTS");
+  if (run.events.empty()) throw UsageError("EVENTS is required with --modes");
+}
+
+int reduce_by_accuracy(const ReduceRun& run, const Scene& scene, nlohmann::ordered_json& report) {
+  TrialLimits limits;
+  limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
+    return std::chrono::steady_clock::now() - begin > longest_trial;
+  };
+  Assessment assessment = assess(scene, limits);
+  assess_accuracy(scene, run.accuracy, limits, assessment);
+  const std::string& what = assessment.findings.back().what;
+  if (!assessment.accuracy) throw ModelError(what);
+  nlohmann::ordered_json object{{"scene", scene.name}};
+  write_json(*assessment.accuracy, object);
+  object["what"] = what;
+  std::string text;
+  append_wrapped(text, printable(scene.name) + ": " + what);
+  print_result(object, text, run.json, report);
+  if (!run.output.empty()) {
+    const Reduction& fewest = assessment.accuracy->fewest;
+    write_scene(run.output, reduced_scene(scene, fewest.machine), description(scene, fewest));
+  }
+  return exit_done;
+}
 
 std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
   std::vector<Eigen::Index> kept = by_frequency(machine);
@@ -26,8 +64,10 @@ std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
 }  // namespace
 
 int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::ordered_json& report) {
+  check_usage(run);
   const Scene scene = load_scene(run.scene, common);
   if (!run.output.empty()) refuse_recorded_inputs(scene, "--output");
+  if (run.accuracy > 0.0) return reduce_by_accuracy(run, scene, report);
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
   const RecordedEvents recorded =
