@@ -17,19 +17,6 @@ constexpr std::string_view events_header = "t,contact,closed";
 constexpr std::string_view noted_header = "t,contact,closed,note";
 constexpr std::string_view spurious_note = "spurious";
 
-std::string_view name_of(EventNote note) {
-  switch (note) {
-    case EventNote::lost:
-      return "lost";
-    case EventNote::spurious:
-      return spurious_note;
-    case EventNote::suspect:
-      return "suspect";
-    default:
-      return "";
-  }
-}
-
 struct Row {
   double t;
   std::int64_t contact;  // from 1
@@ -160,6 +147,19 @@ class Silences {
 };
 
 }  // namespace
+
+std::string_view name_of(EventNote note) {
+  switch (note) {
+    case EventNote::lost:
+      return "lost";
+    case EventNote::spurious:
+      return spurious_note;
+    case EventNote::suspect:
+      return "suspect";
+    default:
+      return "";
+  }
+}
 
 EventsWriter::EventsWriter(OutputFile file) : CsvWriter(std::move(file), events_header, 64) {}
 

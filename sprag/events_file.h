@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sprag/contact_clock.h"
@@ -52,6 +53,11 @@ enum class EventNote {
   spurious,  ///< not an event of the machine; readers ignore the row
   suspect    ///< its time is doubtful
 };
+
+/// \brief The text of a note in a file.
+/// \param note a note.
+/// \return "", "lost", "spurious" or "suspect".
+std::string_view name_of(EventNote note);
 
 /// \brief Writes an events CSV with the column `note`.
 class NotedEventsWriter : public CsvWriter {

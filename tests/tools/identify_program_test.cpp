@@ -677,15 +677,21 @@ TEST(IdentifyOptions, FixOneParameterForTheScale) {
                                                       "contact.1.clearance", "force.1.frequency",
                                                       "force.1.phase"}));
   EXPECT_EQ(held_for_scale(rig, usual), "force.1.amplitude");
-  const auto by_clearance = sought(rig, {.free = "", .known = "contact.1.clearance", .within = ""});
+  const auto by_clearance =
+      sought(rig, request_of(rig, {.free = "", .known = "contact.1.clearance", .within = ""}));
   EXPECT_EQ(held_for_scale(rig, by_clearance), "contact.1.clearance");
   EXPECT_EQ(by_clearance.size(), usual.size());
-  const auto one = sought(rig, {.free = "system.K", .known = "", .within = "0.5,system.K=0.1"});
+  const auto one =
+      sought(rig, request_of(rig, {.free = "system.K", .known = "", .within = "0.5,system.K=0.1"}));
   ASSERT_EQ(one.size(), 1U);
   EXPECT_EQ(one[0].within, 0.1);
   EXPECT_EQ(held_for_scale(rig, one), "");
-  EXPECT_EQ(sought(rig, {.free = "all", .known = "", .within = "0.5"})[2].within, 0.5);
-  EXPECT_THROW(sought(rig, {.free = "beam.damping", .known = "", .within = ""}), UsageError);
+  EXPECT_EQ(sought(rig, request_of(rig, {.free = "all", .known = "", .within = "0.5"}))[2].within,
+            0.5);
+  EXPECT_THROW(request_of(rig, {.free = "beam.damping", .known = "", .within = ""}), UsageError);
+  EXPECT_THROW(request_of(rig, {.free = "", .known = "", .within = "11"}), UsageError);
+  EXPECT_THROW(request_of(rig, {.free = "system.K", .known = "system.K", .within = ""}),
+               UsageError);
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/identification/verdict.h"
 
 namespace sprag {
@@ -39,28 +40,11 @@ nlohmann::ordered_json to_json(const FittedUnknown& fitted) {
   return entry;
 }
 
-// Correlations of the parameters, in their order; null where one of the two is not determined or
-// at a bound.
+// Correlations of the parameters, in their order; null where there is none.
 nlohmann::ordered_json correlations_of(const Identification& fit) {
-  const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
-  const auto n = std::min(std::ssize(fit.unknowns), covariance.rows());
-  const auto variance = [&](Eigen::Index k) {
-    return fit.unknowns[static_cast<std::size_t>(k)].determined ? covariance(k, k) : 0.0;
-  };
+  const Eigen::MatrixXd all = correlations(fit);
   nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-  for (Eigen::Index i = 0; i < n; ++i) {
-    nlohmann::ordered_json row = nlohmann::ordered_json::array();
-    for (Eigen::Index j = 0; j < n; ++j) {
-      const double scale = std::sqrt(variance(i) * variance(j));
-      if (!(scale > 0.0)) {
-        row.push_back(nullptr);
-        continue;
-      }
-      const double of_pair = 0.5 * (covariance(i, j) + covariance(j, i)) / scale;
-      row.push_back(i == j ? 1.0 : std::clamp(of_pair, -1.0, 1.0));
-    }
-    rows.push_back(std::move(row));
-  }
+  for (Eigen::Index i = 0; i < all.rows(); ++i) rows.push_back(numbers_of(all.row(i)));
   return rows;
 }
 

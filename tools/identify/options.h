@@ -2,9 +2,8 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/identification/request.h"
 #include "sprag/scene.h"
 
 namespace sprag {
@@ -16,14 +15,7 @@ struct SoughtOptions {
   std::string within;  ///< a value without a key applies to all others
 };
 
-/// The unknowns to identify. Amplitudes, constant forces and clearances have a common unobservable
-/// scale, so one of them is held: the one that --known names, else an amplitude. Throws UsageError.
-std::vector<Unknown> sought(const Scene& scene, const SoughtOptions& options);
-
-/// The unknowns that may be wrong alone: the sought ones and the one that is held for its scale.
-std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown>& sought);
-
-/// The key that is held to fix the scale; empty if none has to be.
-std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sought);
+/// What to identify. The causes are searched if no parameters are named. Throws UsageError.
+IdentifyRequest request_of(const Scene& scene, const SoughtOptions& options);
 
 }  // namespace sprag

@@ -52,37 +52,19 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");
   }
-  IdentificationSettings settings;
-  settings.unknowns = sought(scene, run.sought);
+  IdentifyRequest request = request_of(scene, run.sought);
+  request.jitter = run.jitter;
+  request.accept = run.accept;
   const RecordedEvents recorded =
       read_recorded_events(run.log, scene, run.duration, AfterLoss::used, common, report);
   if (!recorded.events.empty()) {
     require_inputs_until(scene, recorded.events.back().t, "--duration");
   }
+  IdentificationSettings settings;
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;
-  if (run.jitter) {
-    settings.jitter = run.jitter;
-  } else if (scene.prior.jitter > 0.0) {
-    settings.jitter = scene.prior.jitter;
-  }
-  IdentifyResult result;
-  result.scene = scene.name;
-  result.events = recorded.events;
-  result.held = held_for_scale(scene, settings.unknowns);
-  result.fit = identify(scene, recorded.events, settings);
-  // The causes are judged by the specified jitter, else by the scatter of the full fit.
-  if (run.sought.free.empty() && result.fit.fits()) {
-    IdentificationSettings of_causes = settings;
-    of_causes.unknowns = single_causes(scene, settings.unknowns);
-    result.causes = explain(scene, recorded.events, of_causes, result.fit.jitter, result.fit);
-    result.asked_for_causes = true;
-  }
-  const Misfit misfit = result.fit.misfit;
-  const bool effective = run.accept && (misfit == Misfit::scatter || misfit == Misfit::structured ||
-                                        (misfit == Misfit::prediction && drifts(result)));
-  result.accepted = effective;
+  IdentifyResult result = identify_requested(scene, recorded.events, request, settings);
   const Departure& departure = result.fit.departure;
   if (run.no_drift_limit && !departure.is_drift() && !departure.is_scatter()) {
     result.fit.fitted.prior.drift = scene.prior.drift;
@@ -90,7 +72,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   nlohmann::ordered_json object;
   write_json(result, object);
   print_result(object, to_text(result), run.json, report);
-  const bool good = result.fit.fits() || effective;
+  const bool good = result.fit.fits() || result.accepted;
   if (!run.events.empty()) {
     if (result.fit.converged()) {
       write_mended(run.events, recorded.events, scene.clock, result.fit);

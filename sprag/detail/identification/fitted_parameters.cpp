@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
@@ -26,7 +27,14 @@ bool is_considered(const ParameterUncertainty& before, const std::string& key) {
          before.consider[static_cast<std::size_t>(at - before.keys.begin())];
 }
 
-// Correlation of values, from the covariance of their coordinates.
+// Of two parameters, from the covariance of their coordinates; nan without variance.
+double correlation_of_pair(const Eigen::MatrixXd& covariance, Eigen::Index i, Eigen::Index j) {
+  const double scale = std::sqrt(covariance(i, i) * covariance(j, j));
+  if (!(scale > 0.0)) return std::numeric_limits<double>::quiet_NaN();
+  if (i == j) return 1.0;
+  return std::clamp(0.5 * (covariance(i, j) + covariance(j, i)) / scale, -1.0, 1.0);
+}
+
 Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std::size_t>& numbers) {
   const auto n = std::ssize(numbers);
   const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
@@ -35,10 +43,8 @@ Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std:
     for (Eigen::Index j = 0; j < i; ++j) {
       const auto a = static_cast<Eigen::Index>(numbers[static_cast<std::size_t>(i)]);
       const auto b = static_cast<Eigen::Index>(numbers[static_cast<std::size_t>(j)]);
-      const double scale = std::sqrt(covariance(a, a) * covariance(b, b));
-      if (!(scale > 0.0)) continue;
-      const double of_pair = 0.5 * (covariance(a, b) + covariance(b, a)) / scale;
-      correlation(i, j) = correlation(j, i) = std::clamp(of_pair, -1.0, 1.0);
+      const double of_pair = correlation_of_pair(covariance, a, b);
+      if (std::isfinite(of_pair)) correlation(i, j) = correlation(j, i) = of_pair;
     }
   }
   if (n == 0) return correlation;
@@ -74,6 +80,22 @@ ParameterUncertainty fitted_parameters(const Identification& fit,
   uncertainty.sigma = Eigen::Map<const Eigen::VectorXd>(sigma.data(), std::ssize(sigma));
   uncertainty.correlation = correlation_of(fit, numbers);
   return uncertainty;
+}
+
+Eigen::MatrixXd correlations(const Identification& fit) {
+  const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
+  const auto P = std::ssize(fit.unknowns);
+  const auto n = std::min(P, covariance.rows());
+  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(P, P, std::numeric_limits<double>::quiet_NaN());
+  const auto determined = [&](Eigen::Index k) {
+    return fit.unknowns[static_cast<std::size_t>(k)].determined;
+  };
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      if (determined(i) && determined(j)) all(i, j) = correlation_of_pair(covariance, i, j);
+    }
+  }
+  return all;
 }
 
 std::vector<std::string> not_filtered(const Identification& fit) {

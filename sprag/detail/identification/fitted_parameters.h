@@ -1,6 +1,7 @@
 // Uncertainty of the parameters of a fit: [parameters] of the fitted scene.
 #pragma once
 
+#include <Eigen/Core>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,9 @@ namespace sprag {
 /// factors are 1, so the standard deviation of a factor is relative to the fitted value.
 ParameterUncertainty fitted_parameters(const Identification& fit,
                                        const ParameterUncertainty& before, const Scene& written);
+
+/// Correlations of all unknowns, P x P; nan where one of the two is not determined or at a bound.
+Eigen::MatrixXd correlations(const Identification& fit);
 
 /// Keys of determined parameters that a filter cannot estimate (can_be_filtered()).
 std::vector<std::string> not_filtered(const Identification& fit);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "sprag/events_file.h"
 #include "sprag/identification.h"
 
 namespace sprag {
@@ -20,5 +21,15 @@ struct RepairedEvent {
 /// time of the fit.
 std::vector<RepairedEvent> repaired_events(std::span<const ContactEvent> events,
                                            const Identification& fit);
+
+struct NotedEvent {
+  ContactEvent event;
+  EventNote note = EventNote::none;
+};
+
+/// The same events with their notes: lost, spurious, or suspect for one whose residual exceeds four
+/// standard deviations. The fit has converged.
+std::vector<NotedEvent> noted_events(std::span<const ContactEvent> events,
+                                     const Identification& fit);
 
 }  // namespace sprag
