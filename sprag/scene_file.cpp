@@ -44,7 +44,7 @@ struct FrameMotion {
 
 FrameMotion read_frame_motion(const TomlTable& table) {
   FrameMotion motion;
-  if (table.has("file")) motion.input = read_frame_input(table);
+  if (has_record(table)) motion.input = read_frame_input(table);
   if (!motion.input) refuse_record_keys(table);
   if (motion.input && !has_harmonic_keys(table)) return motion;
   motion.harmonic = read_harmonic(table);
@@ -155,10 +155,10 @@ Contact read_beam_contact(const TomlTable& table, const Beam& beam, const FrameM
 std::vector<TomlTable> read_beam(const TomlTable& root, const TomlTable& table, Scene& scene) {
   if (root.has("force")) root.fail("force", "is for a [system]; a [beam] has [excitation]");
   const Beam beam = read_beam_table(table);
-  const auto frame =
-      root.table("excitation", {"amplitude", "frequency", "phase", "file", "time", "acceleration",
-                                "displacement", "quantity", "unit", "interpolation", "outside",
-                                "uncertainty", "gain", "delay", "stream", "stream_duration"});
+  const auto frame = root.table(
+      "excitation", {"amplitude", "frequency", "phase", "file", "record", "time", "acceleration",
+                     "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty",
+                     "gain", "delay", "stream", "stream_duration"});
   const FrameMotion excitation = frame ? read_frame_motion(*frame) : FrameMotion{};
   scene.beam = beam;
   scene.model = beam_model(beam, excitation.harmonic);
@@ -202,7 +202,7 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
               .harmonic = {}};
   const bool oscillates = has_harmonic_keys(table);
   if (oscillates) force.harmonic = read_harmonic(table);
-  if (table.has("file")) force.input = read_force_input(table);
+  if (has_record(table)) force.input = read_force_input(table);
   if (!force.input) refuse_record_keys(table);
   if (!oscillates && !force.input && !table.has("constant")) {
     table.fail_here("missing key " + table.path_of("constant") + " or " +
@@ -213,9 +213,9 @@ Force read_force(const TomlTable& table, Eigen::Index f) {
 
 void read_system_frame(const TomlTable& root, Scene& scene) {
   const auto table = root.table(
-      "excitation", {"influence", "amplitude", "frequency", "phase", "file", "time", "acceleration",
-                     "displacement", "quantity", "unit", "interpolation", "outside", "uncertainty",
-                     "gain", "delay", "stream", "stream_duration"});
+      "excitation", {"influence", "amplitude", "frequency", "phase", "file", "record", "time",
+                     "acceleration", "displacement", "quantity", "unit", "interpolation", "outside",
+                     "uncertainty", "gain", "delay", "stream", "stream_duration"});
   if (!table) return;
   Model& model = scene.model;
   Eigen::VectorXd influence = one_or_each(*table, "influence", model.coordinates());
@@ -358,9 +358,9 @@ std::vector<TomlTable> read_system(const TomlTable& root, const TomlTable& table
   model.K = read_semidefinite(table, "K", f);
   ratios = read_system_damping(table, model);
   for (const TomlTable& force :
-       root.tables("force",
-                   {"direction", "constant", "amplitude", "frequency", "phase", "file", "time",
-                    "force", "unit", "interpolation", "outside", "uncertainty", "gain", "delay"})) {
+       root.tables("force", {"direction", "constant", "amplitude", "frequency", "phase", "file",
+                             "record", "time", "force", "unit", "interpolation", "outside",
+                             "uncertainty", "gain", "delay"})) {
     model.forces.push_back(read_force(force, f));
   }
   read_system_frame(root, scene);
@@ -396,7 +396,7 @@ std::string read_output_name(const TomlTable& table, const std::vector<Output>& 
 void read_outputs(const TomlTable& root, Scene& scene) {
   std::vector<Output>& outputs = scene.model.outputs;
   const std::vector<TomlTable> tables =
-      scene.beam ? root.tables("output", {"name", "position", "quantity", "unit"})
+      scene.beam ? root.tables("output", {"name", "position", "direction", "quantity", "unit"})
                  : root.tables("output", {"name", "direction", "quantity", "unit"});
   if (tables.size() > max_outputs) {
     tables[max_outputs].fail_here("output has " + std::to_string(tables.size()) +
@@ -404,8 +404,9 @@ void read_outputs(const TomlTable& root, Scene& scene) {
   }
   for (const TomlTable& table : tables) {
     Output output{.name = read_output_name(table, outputs), .direction = {}};
+    if (table.has("direction")) refuse_other(table, "direction", {"position"});
     output.direction =
-        scene.beam
+        scene.beam && !table.has("direction")
             ? mode_shapes(*scene.beam, table.number("position", {0.0, scene.beam->length, true}))
             : read_direction(table, scene.model.coordinates());
     output.velocity = table.choice("quantity", {"displacement", "velocity"}) == "velocity";

@@ -4,7 +4,9 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -37,6 +39,14 @@ Record read_record(const TomlTable& table, const RecordColumns& columns) {
   }
 }
 
+// The samples in the table `record`, and the name of the signal.
+std::pair<Record, std::string> read_samples(const TomlTable& table) {
+  const TomlTable record = *table.table("record", {"name", "time", "values"});
+  const Eigen::VectorXd t = record.vector("time"), values = record.vector("values");
+  return {{{t.begin(), t.end()}, {values.begin(), values.end()}, ""},
+          record.string_or("name", "record")};
+}
+
 // Without a unit, values that look as if they were multiples of g.
 void remark_on_gravity(const TomlTable& table, const Record& record) {
   if (table.has("unit")) return;
@@ -56,7 +66,6 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
                                bool acceleration) {
   SampledInput::Settings settings;
   settings.displacement = displacement;
-  settings.name = table.required_string("file");
   const std::string_view interpolation = displacement
                                              ? table.choice("interpolation", {"spline", "linear"})
                                              : table.choice("interpolation", {"linear", "spline"});
@@ -77,7 +86,11 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
   }
   const double unit = table.number_or("unit", 1.0, any_number);
   if (unit == 0.0) table.fail("unit", "is 0; must be what one unit of the file is");
-  settings.noise = std::abs(unit) * table.number_or("uncertainty", 0.0, not_negative);
+  // The samples of `record` are in the scene's unit; `unit` is then that of a streamed input.
+  const bool of_file = table.has("file");
+  const char* const key = of_file ? "file" : "record";
+  settings.noise =
+      (of_file ? std::abs(unit) : 1.0) * table.number_or("uncertainty", 0.0, not_negative);
   if (displacement && settings.noise > 0.0) {
     table.fail("uncertainty", "is for an acceleration or a force; must go for a displacement");
   }
@@ -86,37 +99,50 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
   if (settings.gain == 0.0) table.fail("gain", "is 0; must be the gain of the sensor");
   settings.delay = table.number_or("delay", 0.0, any_number);
 
-  columns.time = table.string_or("time", "");
-  Record record = read_record(table, columns);
+  Record record;
+  if (of_file) {
+    if (table.has("record"))
+      table.fail("record",
+                 "and " + table.path_of("file") + " exclude each other; must be one of them");
+    settings.name = table.required_string("file");
+    columns.time = table.string_or("time", "");
+    record = read_record(table, columns);
+    for (double& value : record.values) value *= unit;
+  } else {
+    std::tie(record, settings.name) = read_samples(table);
+  }
   if (acceleration && is_in_g(record.column) && !table.has("unit")) {
     table.fail("file", "has the column '" + record.column +
                            "', an acceleration in g; the table must have unit = 9.80665 (or unit "
                            "= 1 if the scene's accelerations are in g)");
   }
-  if (acceleration) remark_on_gravity(table, record);
-  for (double& value : record.values) value *= unit;
+  if (acceleration && of_file) remark_on_gravity(table, record);
   const double begin = record.t.front() + settings.delay;
   const bool is_late = settings.outside == Outside::error && begin > 0.0;
   if (is_late && settings.delay == 0.0) {
-    table.fail("file", "begins at t = " + to_text(begin) +
-                           "; must begin at t <= 0, or the table must have outside = \"zero\" or "
-                           "\"hold\"");
+    table.fail(key, "begins at t = " + to_text(begin) +
+                        "; must begin at t <= 0, or the table must have outside = \"zero\" or "
+                        "\"hold\"");
   }
   if (is_late) {
-    table.remark("file", "begins at t = " + rounded(begin) + " with its delay; before, its first " +
-                             (displacement ? "velocity" : "value") + " is held");
+    table.remark(key, "begins at t = " + rounded(begin) + " with its delay; before, its first " +
+                          (displacement ? "velocity" : "value") + " is held");
   }
-  auto input = std::make_shared<const SampledInput>(record.t, record.values, std::move(settings));
+  SampledInputPointer input;
+  try {
+    input = std::make_shared<const SampledInput>(record.t, record.values, std::move(settings));
+  } catch (const std::invalid_argument& error) {
+    table.fail(key, std::string(": ") + error.what());
+  }
   if (!std::isfinite(input->largest(2)) || !std::isfinite(input->largest(5))) {
-    table.fail("file", "has values beyond the range of doubles; must be in other units");
+    table.fail(key, "has values beyond the range of doubles; must be in other units");
   }
   const double error = input->interpolation_error();
   if (input->rms() > 0.0 && error > reported_error * input->rms()) {
-    table.remark("file",
-                 "is not resolved by its sampling: between samples the input may be off by " +
-                     rounded(error) + ", " + rounded(100.0 * error / input->rms()) +
-                     " % of its rms. The estimates do not account for it; sample faster, "
-                     "or set uncertainty");
+    table.remark(key, "is not resolved by its sampling: between samples the input may be off by " +
+                          rounded(error) + ", " + rounded(100.0 * error / input->rms()) +
+                          " % of its rms. The estimates do not account for it; sample faster, "
+                          "or set uncertainty");
   }
   return input;
 }
@@ -126,6 +152,8 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
 bool has_harmonic_keys(const TomlTable& table) {
   return table.has("amplitude") || table.has("frequency") || table.has("phase");
 }
+
+bool has_record(const TomlTable& table) { return table.has("file") || table.has("record"); }
 
 void refuse_record_keys(const TomlTable& table) {
   for (const char* key : {"gain", "delay"}) {
@@ -159,7 +187,7 @@ SampledInputPointer read_force_input(const TomlTable& table) {
 }
 
 void check_ground_supports(const TomlTable& excitation, const Model& model) {
-  if (!excitation.has("file")) return;
+  if (!has_record(excitation)) return;
   std::string on_ground;
   const SampledInput* input = nullptr;
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
@@ -174,12 +202,12 @@ void check_ground_supports(const TomlTable& excitation, const Model& model) {
                                        "); mount must be \"frame\", or the key must go");
   }
   const double t = input->last();
-  excitation.remark("file", "is an acceleration that moves supports on the ground (contact " +
-                                on_ground +
-                                ") by its twofold integral: from rest at its begin to " +
-                                rounded(input->displacement(t)) + " at t = " + rounded(t) +
-                                ". Offsets and low frequencies of the sensor make that drift; "
-                                "record the displacement, or mount the contact on the frame");
+  excitation.remark(excitation.has("file") ? "file" : "record",
+                    "is an acceleration that moves supports on the ground (contact " + on_ground +
+                        ") by its twofold integral: from rest at its begin to " +
+                        rounded(input->displacement(t)) + " at t = " + rounded(t) +
+                        ". Offsets and low frequencies of the sensor make that drift; "
+                        "record the displacement, or mount the contact on the frame");
 }
 
 double read_stream(const TomlTable& excitation, const Scene& scene) {
@@ -193,7 +221,7 @@ double read_stream(const TomlTable& excitation, const Scene& scene) {
     return 0.0;
   }
   const auto refuse = [&](const std::string& what) { excitation.fail("stream", what); };
-  if (!excitation.has("file")) {
+  if (!has_record(excitation)) {
     refuse("needs a record of the sensor, for its interval and its size; needs the key file");
   }
   const std::vector<Force>& forces = scene.model.forces;

@@ -1,4 +1,4 @@
-// Sampled inputs in the tables [excitation] and [[force]] of a scene: keys file, time,
+// Sampled inputs in the tables [excitation] and [[force]] of a scene: keys file, record, time,
 // acceleration, displacement, force, quantity, unit, interpolation, outside, uncertainty, gain and
 // delay.
 #pragma once
@@ -10,6 +10,9 @@ namespace sprag {
 
 /// Whether the table has a key of a harmonic.
 bool has_harmonic_keys(const TomlTable& table);
+
+/// Whether the table has a recorded signal: a file, or the samples themselves.
+bool has_record(const TomlTable& table);
 
 /// Throws SceneError if the table has a gain or a delay, which need a record.
 void refuse_record_keys(const TomlTable& table);

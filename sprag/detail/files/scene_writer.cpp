@@ -1,11 +1,15 @@
 #include "sprag/detail/files/scene_writer.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "sprag/detail/files/output_file.h"
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/toml_reader.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene_file.h"
 
 namespace sprag {
@@ -51,22 +55,66 @@ void add(std::string& text, std::string_view key, const Value& value) {
   text += " = " + text_of(value) + '\n';
 }
 
+void add_harmonic(std::string& text, const Harmonic& harmonic) {
+  if (!is_given(harmonic)) return;
+  add(text, "amplitude", harmonic.amplitude);
+  add(text, "frequency", harmonic.frequency);
+  add(text, "phase", harmonic.phase);
+}
+
+Eigen::VectorXd vector_of(std::span<const double> values) {
+  return Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values));
+}
+
+// The samples of a recorded input themselves, in the scene's unit.
+void add_record(std::string& text, const SampledInput& input) {
+  const SampledInput::Settings& settings = input.settings();
+  const auto name_of = [](Outside outside) {
+    return outside == Outside::zero ? "zero" : outside == Outside::hold ? "hold" : "error";
+  };
+  const bool linear = settings.interpolation == Interpolation::linear;
+  text += std::string("interpolation = ") + (linear ? "\"linear\"\n" : "\"spline\"\n");
+  text += std::string("outside = \"") + name_of(settings.outside) + "\"\n";
+  if (settings.noise > 0.0) add(text, "uncertainty", settings.noise);
+  add(text, "gain", settings.gain);
+  add(text, "delay", settings.delay);
+  text += "record = { name = " + in_quotes(settings.name) +
+          ", time = " + text_of(vector_of(input.sample_times())) +
+          ", values = " + text_of(vector_of(input.sample_values())) + " }\n";
+}
+
 void add_force(std::string& text, const Force& force) {
   text += "\n[[force]]\n";
   add(text, "direction", force.direction);
   add(text, "constant", force.constant);
-  if (!is_given(force.harmonic)) return;
-  add(text, "amplitude", force.harmonic.amplitude);
-  add(text, "frequency", force.harmonic.frequency);
-  add(text, "phase", force.harmonic.phase);
+  add_harmonic(text, force.harmonic);
+  if (force.input) add_record(text, *force.input);
 }
 
-void add_frame(std::string& text, const ShakenFrame& frame) {
+// The motion e(t) of a frame, without its influence.
+void add_frame_motion(std::string& text, const Scene& scene, const Harmonic& motion,
+                      const SampledInputPointer& input) {
+  if (!input) {
+    add(text, "amplitude", motion.amplitude);
+    add(text, "frequency", motion.frequency);
+    add(text, "phase", motion.phase);
+    return;
+  }
+  add_harmonic(text, motion);
+  text += std::string("quantity = ") +
+          (input->settings().displacement ? "\"displacement\"\n" : "\"acceleration\"\n");
+  add_record(text, *input);
+  if (scene.stream_duration > 0.0) {
+    text += "stream = true\n";
+    add(text, "stream_duration", scene.stream_duration);
+    add(text, "unit", scene.stream_unit);
+  }
+}
+
+void add_frame(std::string& text, const Scene& scene) {
   text += "\n[excitation]\n";
-  add(text, "influence", frame.influence);
-  add(text, "amplitude", frame.motion.amplitude);
-  add(text, "frequency", frame.motion.frequency);
-  add(text, "phase", frame.motion.phase);
+  add(text, "influence", scene.frame->influence);
+  add_frame_motion(text, scene, scene.frame->motion, scene.frame->input);
 }
 
 // How the motion of a support is written.
@@ -126,13 +174,141 @@ void add_replica(std::string& text, const Scene& scene) {
   add(text, "drift", scene.prior.drift);
 }
 
-// A beam is written as matrices, which its keys do not name.
 void add_adaptation(std::string& text, const Scene& scene) {
-  if (scene.beam) return;
   text += "\n[adapt]\n";
   if (!scene.prior.adaptation.free.empty()) add(text, "free", scene.prior.adaptation.free);
   add(text, "within", scene.prior.adaptation.within);
   add(text, "walk", scene.prior.adaptation.walk);
+}
+
+// What a [beam] needs beside its table.
+struct BeamText {
+  Harmonic excitation;
+  SampledInputPointer input;
+  std::vector<Side> sides;  // of the contacts
+  std::vector<bool> on_ground;
+};
+
+bool equal(const Harmonic& a, const Harmonic& b) {
+  return a.amplitude == b.amplitude && a.frequency == b.frequency && a.phase == b.phase;
+}
+
+// The motion with this second derivative bit for bit; empty if rounding admits none.
+std::optional<Harmonic> motion_of(const Harmonic& acceleration) {
+  const double w = acceleration.frequency;
+  double amplitude = -acceleration.amplitude / (w * w);
+  constexpr int ulps = 4;
+  for (int i = 0; i < ulps; ++i) amplitude = std::nextafter(amplitude, -infinity);
+  for (int i = -ulps; i <= ulps; ++i) {
+    const Harmonic motion{amplitude, w, acceleration.phase};
+    if (equal(second_derivative(motion), acceleration)) return motion;
+    amplitude = std::nextafter(amplitude, infinity);
+  }
+  return std::nullopt;
+}
+
+// Empty if the keys of a beam do not give the machine bit for bit, as with other damping or forces.
+std::optional<BeamText> beam_text(const Scene& scene) {
+  const Model& model = scene.model;
+  if (!scene.beam || scene.positions.size() != model.contacts.size()) return std::nullopt;
+  const Beam& beam = *scene.beam;
+  BeamText text;
+  if (!model.forces.empty()) text.input = model.forces.back().input;
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const Contact& contact = model.contacts[i];
+    const Eigen::VectorXd v = mode_shapes(beam, scene.positions[i]);
+    if (contact.w != v && contact.w != -v) return std::nullopt;
+    text.sides.push_back(contact.w == v ? Side::below : Side::above);
+    text.on_ground.push_back(is_given(contact.motion) || contact.input);
+    if (!is_given(contact.motion)) continue;
+    text.excitation = contact.motion;
+    if (text.sides.back() == Side::above) text.excitation.amplitude *= -1.0;
+  }
+  if (!is_given(text.excitation) && !model.forces.empty() && !model.forces.front().input) {
+    const std::optional<Harmonic> motion = motion_of(model.forces.front().harmonic);
+    if (!motion) return std::nullopt;
+    text.excitation = *motion;
+  }
+  const Model again = beam_model(beam, text.excitation);
+  std::vector<Force> forces = again.forces;
+  if (text.input) forces.push_back({inertia_direction(beam), 0.0, {}, text.input});
+  const auto same_force = [](const Force& a, const Force& b) {
+    return a.direction == b.direction && a.constant == b.constant &&
+           equal(a.harmonic, b.harmonic) && a.input == b.input;
+  };
+  if (again.M != model.M || again.C != model.C || again.K != model.K ||
+      !std::equal(forces.begin(), forces.end(), model.forces.begin(), model.forces.end(),
+                  same_force)) {
+    return std::nullopt;
+  }
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    const Contact& contact = model.contacts[i];
+    const double sign = text.sides[i] == Side::below ? 1.0 : -1.0;
+    Harmonic motion = text.on_ground[i] ? text.excitation : Harmonic{};
+    motion.amplitude *= sign;
+    const bool moves_with_record = text.on_ground[i] && text.input;
+    if (!equal(contact.motion, motion) ||
+        contact.input != (moves_with_record ? text.input : nullptr) ||
+        contact.input_share != (moves_with_record ? sign : 0.0)) {
+      return std::nullopt;
+    }
+  }
+  return text;
+}
+
+void add_beam(std::string& text, const Scene& scene, const BeamText& of) {
+  const Beam& beam = *scene.beam;
+  text += "[beam]\nmodes = " + std::to_string(beam.modes) + '\n';
+  add(text, "length", beam.length);
+  add(text, "bending_stiffness", beam.bending_stiffness);
+  add(text, "mass_per_length", beam.mass_per_length);
+  if (beam.damping_ratio.size() > 0) {
+    add(text, "damping_ratio", beam.damping_ratio);
+  } else {
+    add(text, "damping", beam.damping);
+  }
+  if (is_given(of.excitation) || of.input) {
+    text += "\n[excitation]\n";
+    add_frame_motion(text, scene, of.excitation, of.input);
+  }
+  for (std::size_t i = 0; i < scene.positions.size(); ++i) {
+    const Contact& contact = scene.model.contacts[i];
+    text += "\n[[contact]]\n";
+    add(text, "position", scene.positions[i]);
+    text += of.sides[i] == Side::below ? "side = \"below\"\n" : "side = \"above\"\n";
+    add(text, "clearance", contact.clearance);
+    text += of.on_ground[i] ? "mount = \"ground\"\n" : "mount = \"frame\"\n";
+    add(text, "restitution", contact.restitution);
+  }
+}
+
+void add_system(std::string& text, const Scene& scene) {
+  const Model& model = scene.model;
+  text += "[system]\n";
+  add(text, "M", model.M);
+  add(text, "C", model.C);
+  add(text, "K", model.K);
+  for (std::size_t j = 0; j < model.forces.size(); ++j) {
+    if (!scene.frame || scene.frame->force != j) add_force(text, model.forces[j]);
+  }
+  if (scene.frame) add_frame(text, scene);
+  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
+    add_contact(text, model.contacts[i], mount_of(scene, i));
+  }
+}
+
+// Throws SceneError for inputs that no key describes.
+void refuse_unwritten_inputs(const Scene& scene, bool as_beam) {
+  const bool on_ground =
+      std::any_of(scene.model.contacts.begin(), scene.model.contacts.end(),
+                  [](const Contact& contact) { return contact.input != nullptr; });
+  const bool streamed =
+      std::any_of(scene.model.forces.begin(), scene.model.forces.end(),
+                  [](const Force& force) { return force.input && force.input->is_streamed(); });
+  if (streamed) throw SceneError("a scene with a streamed input cannot be written");
+  if (!as_beam && on_ground && (scene.kept || !scene.frame)) {
+    throw SceneError("supports that move with a record cannot be written in kept modes");
+  }
 }
 
 }  // namespace
@@ -171,9 +347,8 @@ std::string to_toml(const Tolerance& tolerance, std::string_view comment) {
 }
 
 std::string to_toml(const Scene& scene, std::string_view comment) {
-  if (has_sampled_inputs(scene.model)) {
-    throw SceneError("a scene with a recorded input (the key `file`) cannot be written");
-  }
+  const std::optional<BeamText> beam = beam_text(scene);
+  refuse_unwritten_inputs(scene, beam.has_value());
   std::string text;
   while (!comment.empty()) {
     const std::string_view line = comment.substr(0, comment.find('\n'));
@@ -182,17 +357,12 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
     text += line;
     text += '\n';
   }
-  text += "name = " + in_quotes(scene.name) + "\n\n[system]\n";
+  text += "name = " + in_quotes(scene.name) + "\n\n";
   const Model& model = scene.model;
-  add(text, "M", model.M);
-  add(text, "C", model.C);
-  add(text, "K", model.K);
-  for (std::size_t j = 0; j < model.forces.size(); ++j) {
-    if (!scene.frame || scene.frame->force != j) add_force(text, model.forces[j]);
-  }
-  if (scene.frame) add_frame(text, *scene.frame);
-  for (std::size_t i = 0; i < model.contacts.size(); ++i) {
-    add_contact(text, model.contacts[i], mount_of(scene, i));
+  if (beam) {
+    add_beam(text, scene, *beam);
+  } else {
+    add_system(text, scene);
   }
   for (const Output& output : model.outputs) add_output(text, output);
   text += "\n[impact]\nlaw = ";
@@ -213,9 +383,10 @@ std::string to_toml(const Scene& scene, std::string_view comment) {
     add(text, "offset", scene.clock.offset);
   }
   if (scene.prior.tolerance.any()) text += '\n' + to_toml(scene.prior.tolerance);
-  add_adaptation(text, scene);
-  if (!scene.beam && !scene.prior.parameters.empty())
-    text += '\n' + to_toml(scene.prior.parameters);
+  // A beam that is written as a system has other keys.
+  const bool has_keys = beam || !scene.beam;
+  if (has_keys) add_adaptation(text, scene);
+  if (has_keys && !scene.prior.parameters.empty()) text += '\n' + to_toml(scene.prior.parameters);
   return text;
 }
 

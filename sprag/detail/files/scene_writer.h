@@ -1,5 +1,4 @@
-// Writes a scene as a scene file (TOML): every machine as a general [system], every number with all
-// its digits.
+// Writes a scene as a scene file (TOML), every number with all its digits.
 #pragma once
 
 #include <filesystem>
@@ -10,9 +9,11 @@
 
 namespace sprag {
 
-/// The text of a scene file that parse_scene() reads as the same scene, bit for bit. A beam becomes
-/// a system without [adapt] and [parameters], since their keys may be those of the beam. `comment`:
-/// lines at the beginning, without '#'.
+/// The text of a scene file that parse_scene() reads as the same scene, bit for bit. Recorded
+/// inputs are written with their samples. A beam whose keys do not give its matrices becomes a
+/// system without [adapt] and [parameters], since their keys may be those of the beam. Kept modes
+/// become a system of their coordinates. `comment`: lines at the beginning, without '#'. Throws
+/// SceneError for a streamed input.
 std::string to_toml(const Scene& scene, std::string_view comment = "");
 
 /// The table [parameters] of a scene file, empty without parameters. `comment`: a line in it,
