@@ -477,6 +477,8 @@ def states(
     scene: Any = None,
     *,
     events: Any = None,
+    impacts: Any = None,
+    V: Any = None,
     show: Sequence[str] = (),
     begin: float | None = None,
     end: float | None = None,
@@ -489,6 +491,8 @@ def states(
         runs: a Simulation, Estimates or Smoothed, or a mapping from names to these.
         scene: the Scene; gaps are shown in place of coordinates, outputs by their names.
         events: array of `event_dtype`, to show when contacts close.
+        impacts: array that :func:`sprag.impacts` returns, to show impulses.
+        V: Energies of an estimate, or its V alone, at the ticks of the first run.
         show, begin, end, zoom, title: as in :func:`draw`.
 
     >>> sprag.plot.states({"machine": run, "filter": estimates}, scene).savefig("run.png")
@@ -497,6 +501,11 @@ def states(
     drawn = [_states_table(label, run, scene) for label, run in named.items()]
     if events is not None:
         drawn.append(_events_table(events))
+    label = list(named)[-1]
+    if impacts is not None:
+        drawn.append(_impacts_table(label, impacts))
+    if V is not None:
+        drawn.append(_energy_table(label, V, drawn[0].column("t")))
     return draw(drawn, scene, show=show, begin=begin, end=end, zoom=zoom, title=title)
 
 
@@ -507,34 +516,26 @@ def _kind_of(run: Any) -> str:
 def _states_table(label: str, run: Any, scene: Any) -> Table:
     """A result as the states file that the programs write of it."""
     pd = _command.require("pandas", "python3-pandas", "drawing")
-    columns: dict[str, Numbers] = {"k": np.arange(len(run.t), dtype=float), "t": run.t}
+    return Table("states", label, pd.DataFrame(tables.columns(run, scene)), Path(label))
 
-    def add(prefix: str, names: Sequence[str], attribute: str) -> None:
-        rows = getattr(run, attribute, None)
-        if rows is not None and np.size(rows):
-            columns.update({prefix + name: rows[:, i] for i, name in enumerate(names)})
 
-    f = run.q.shape[1]
-    q, u = ([f"{letter}{i + 1}" for i in range(f)] for letter in "qu")
-    outputs = [] if scene is None else [output.name for output in scene.model.outputs]
-    gaps = [] if scene is None else [f"g{i + 1}" for i in range(scene.m)]
-    keys = list(getattr(run, "keys", []))
-    add("", q, "q")
-    add("", u, "u")
-    for attribute, column in (
-        ("bound", "B"),
-        ("of_filter", "from_filter"),
-        ("penetrating", "penetrating"),
-    ):
-        if getattr(run, attribute, None) is not None:
-            columns[column] = np.asarray(getattr(run, attribute), float)
-    for prefix in ("sigma_", "bound_"):
-        for names, of in ((q, "q"), (u, "u"), (gaps, "gap"), (outputs, "outputs")):
-            add(prefix, names, prefix + of)
-    add("", keys, "parameters")
-    add("sigma_", keys, "sigma_parameters")
-    add("", outputs, "outputs")
-    return Table("states", label, pd.DataFrame(columns), Path(label))
+def _energy_table(label: str, V: Any, t: Numbers) -> Table:
+    """Error energies at the ticks of runs, V alone or with its parts."""
+    pd = _command.require("pandas", "python3-pandas", "drawing")
+    total = np.asarray(getattr(V, "V", V), float)
+    if total.shape != t.shape:
+        raise ValueError(f"V has shape {total.shape}; must have that of t, {t.shape}")
+    columns = {"k": np.arange(len(t), dtype=float), "t": t, "V": total}
+    parts = getattr(V, "V_i", np.zeros((len(t), 0)))
+    columns.update({f"V{i + 1}": parts[:, i] for i in range(parts.shape[1])})
+    return Table("energy", label, pd.DataFrame(columns), Path(label))
+
+
+def _impacts_table(label: str, impacts: Any) -> Table:
+    pd = _command.require("pandas", "python3-pandas", "drawing")
+    rows = np.asarray(impacts)
+    columns = {name: rows[name] for name in rows.dtype.names or ()}
+    return Table("impacts", label, pd.DataFrame(columns), Path(label))
 
 
 def _events_table(events: Any) -> Table:

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from . import _studies
 from ._command import UsageError, same_file
 from ._drawing import WIDTH, legible, logarithmic_ticks, name_lines, new_figure, style
 from ._errors import InputError
-from .tables import Study, is_study, manifest_of, read_study_rows
+from .tables import Study, axes_of, is_study, manifest_of, read_study_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +44,7 @@ MOST_POINTS_WITH_MARKERS = 40
 
 
 def draw(
-    study: Study,
+    study: Study | _studies.Study,
     *,
     over: Sequence[str] = (),
     where: Mapping[str, float] | None = None,
@@ -53,13 +54,16 @@ def draw(
     """Draws the rows of a study.
 
     Args:
-        study: as :func:`sprag.tables.read_study_rows` reads it.
+        study: of :func:`sprag.run_study` or :func:`sprag.read_study`, or as
+            :func:`sprag.tables.read_study_rows` reads it.
         over: one or two keys, across and up; default those that the study varies.
         where: only the rows with the value of each key next to this one.
         show: quantities, such as ``V_floor`` (of all estimators), ``both.V_floor`` or
             ``attractor``; default by the kind of study.
         title: in place of the study's name.
     """
+    if isinstance(study, _studies.Study):
+        study = Study(study.manifest["name"], axes_of(study.manifest), study.table(), [])
     picture = _Picture(study, over, where or {}, show)
     with style():
         return picture.figure(title or study.name)

@@ -9,10 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ._command import require
 from ._errors import InputError
@@ -197,19 +197,64 @@ def read_study_rows(files: Sequence[str | Path]) -> Study:
     return study
 
 
+def axes_of(manifest: Mapping[str, Any]) -> list[str]:
+    """Keys of the scene that a study varies; of keys that vary together the first."""
+    keys = []
+    groups = set()
+    for axis in manifest["axes"]:
+        if "group" not in axis or axis["group"] not in groups:
+            keys.append(str(axis["path"]))
+        groups.add(axis.get("group"))
+    return keys
+
+
 def _read_manifest(file: Path, study: Study) -> None:
     if not file.exists():
         return
     try:
         manifest = json.loads(file.read_text(encoding="utf-8", errors="surrogateescape"))
         study.name = str(manifest["name"])
-        groups = set()
-        for axis in manifest["axes"]:
-            if "group" not in axis or axis["group"] not in groups:
-                study.axes.append(str(axis["path"]))
-            groups.add(axis.get("group"))
+        study.axes = axes_of(manifest)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{file}: no manifest of a study: {error}") from None
+
+
+def columns(run: Any, scene: Any = None) -> dict[str, Numbers]:
+    """A Simulation, Estimates or Smoothed as the columns of the states file that programs write.
+
+    Each has one entry for each tick; pandas.DataFrame(columns(run, scene)) is the file as a table.
+    Outputs and gaps have their columns if the scene is given, a :class:`sprag.Scene`.
+    """
+    import numpy as np
+
+    all_columns: dict[str, Numbers] = {"k": np.arange(len(run.t), dtype=float), "t": run.t}
+
+    def add(prefix: str, names: Sequence[str], attribute: str) -> None:
+        rows = getattr(run, attribute, None)
+        if rows is not None and np.size(rows):
+            all_columns.update({prefix + name: rows[:, i] for i, name in enumerate(names)})
+
+    f = run.q.shape[1]
+    q, u = ([f"{letter}{i + 1}" for i in range(f)] for letter in "qu")
+    outputs = [] if scene is None else [output.name for output in scene.model.outputs]
+    gaps = [] if scene is None else [f"g{i + 1}" for i in range(scene.m)]
+    keys = list(getattr(run, "keys", []))
+    add("", q, "q")
+    add("", u, "u")
+    for name, column in (
+        ("bound", "B"),
+        ("from_filter", "from_filter"),
+        ("penetrating", "penetrating"),
+    ):
+        if getattr(run, name, None) is not None:
+            all_columns[column] = np.asarray(getattr(run, name), float)
+    for prefix in ("sigma_", "bound_"):
+        for names, of in ((q, "q"), (u, "u"), (gaps, "gap"), (outputs, "outputs")):
+            add(prefix, names, prefix + of)
+    add("", keys, "parameters")
+    add("sigma_", keys, "sigma_parameters")
+    add("", outputs, "outputs")
+    return all_columns
 
 
 @dataclass

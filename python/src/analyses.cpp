@@ -24,9 +24,14 @@
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/input_file.h"
+#include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/identification/repaired_events.h"
+#include "sprag/detail/identification/request.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/text/diagnosis_text.h"
+#include "sprag/detail/text/identification_text.h"
+#include "sprag/detail/text/reduction_text.h"
 #include "sprag/identification.h"
 #include "sprag/impacts.h"
 #include "sprag/smoother.h"
@@ -80,18 +85,40 @@ std::vector<EventRow> rows_of(const std::vector<MissingImpact>& missing) {
 
 // ---- identification
 
+// The rows of an events file with notes.
+py::array mended(const IdentifyResult& result) {
+  py::list rows;
+  if (result.fit.converged()) {
+    for (const NotedEvent& noted : noted_events(result.events, result.fit)) {
+      const ContactEvent& event = noted.event;
+      for (const bool closed : {true, false}) {
+        if (event.kind == (closed ? ContactEventKind::opens : ContactEventKind::closes)) continue;
+        rows.append(py::make_tuple(event.t, event.contact + 1, closed ? 1 : 0,
+                                   std::string(name_of(noted.note))));
+      }
+    }
+  }
+  py::list fields;
+  for (const auto& [name, type] : {std::pair("t", "f8"), std::pair("contact", "i4"),
+                                   std::pair("closed", "i1"), std::pair("note", "U8")}) {
+    fields.append(py::make_tuple(name, type));
+  }
+  return read_only(py::module_::import("numpy").attr("array")(rows, fields));
+}
+
 struct PythonIdentification {
-  Identification fit;
-  EventList events;
+  IdentifyResult result;
   std::vector<std::string> keys;
   Eigen::VectorXd values, sigmas, low, high;
   std::vector<std::uint8_t> determined, at_bound;
+  Eigen::MatrixXd covariance;
 };
-SPRAG_MEMBERS(PythonIdentification, fit, events, keys, values, sigmas, low, high, determined,
-              at_bound)
+SPRAG_MEMBERS(PythonIdentification, result, keys, values, sigmas, low, high, determined, at_bound,
+              covariance)
 
-PythonIdentification collected(Identification fit, EventList events) {
+PythonIdentification collected(IdentifyResult result) {
   PythonIdentification all;
+  const Identification& fit = result.fit;
   const auto P = static_cast<Eigen::Index>(fit.unknowns.size());
   for (Eigen::VectorXd* of : {&all.values, &all.sigmas, &all.low, &all.high}) of->resize(P);
   constexpr double nan = std::numeric_limits<double>::quiet_NaN();
@@ -106,35 +133,37 @@ PythonIdentification collected(Identification fit, EventList events) {
     all.determined.push_back(known ? 1 : 0);
     all.at_bound.push_back(known && of.at_bound ? 1 : 0);
   }
-  all.fit = std::move(fit);
-  all.events = std::move(events);
+  all.covariance = all.sigmas.asDiagonal() * correlations(fit) * all.sigmas.asDiagonal();
+  all.result = std::move(result);
   return all;
 }
 
+std::optional<std::vector<std::string>> keys_or_all(const py::object& free) {
+  if (free.is_none()) return std::nullopt;
+  if (py::isinstance<py::str>(free)) return std::vector{free.cast<std::string>()};
+  return free.cast<std::vector<std::string>>();
+}
+
 PythonIdentification run_identify(const Scene& scene, const py::object& events,
-                                  const std::optional<std::vector<std::string>>& free,
-                                  const std::vector<std::string>& known,
-                                  std::optional<double> within, std::optional<double> jitter,
-                                  double duration) {
+                                  const py::object& free, const py::object& known,
+                                  const py::object& within, std::optional<double> jitter,
+                                  bool accept, double duration) {
   if (jitter && !(*jitter >= 0.0 && std::isfinite(*jitter))) {
     throw std::invalid_argument("jitter must be >= 0");
   }
-  if (within && !(*within > 0.0 && *within <= 10.0)) {
-    throw std::invalid_argument("within must be in (0, 10]");
+  IdentifyRequest request;
+  request.free = keys_or_all(free);
+  request.known = keys_or_all(known).value_or(std::vector<std::string>());
+  request.jitter = jitter;
+  request.causes = free.is_none();
+  request.accept = accept;
+  if (py::isinstance<py::dict>(within)) {
+    request.within_of = within.cast<std::map<std::string, double>>();
+  } else if (!within.is_none()) {
+    request.within = within.cast<double>();
   }
-  for (const std::string& key : known) unknown_of(scene, key);
-  IdentificationSettings settings;
-  settings.unknowns = free ? unknowns_named(scene, *free) : all_but_the_scale(scene, known);
-  for (Unknown& unknown : settings.unknowns) {
-    if (within) unknown.within = *within;
-    if (free && std::find(known.begin(), known.end(), unknown.key) != known.end()) {
-      throw std::invalid_argument("free and known both name " + unknown.key);
-    }
-  }
-  settings.jitter = jitter;
-  if (!jitter && scene.prior.jitter > 0.0) settings.jitter = scene.prior.jitter;
-  EventList taken = in_order(events, scene, duration);
-  return long_call([&] { return collected(identify(scene, taken, settings), taken); });
+  const EventList taken = in_order(events, scene, duration);
+  return long_call([&] { return collected(identify_requested(scene, taken, request)); });
 }
 
 py::array flags(const std::vector<std::uint8_t>& of, const py::object& owner) {
@@ -178,7 +207,7 @@ void bind_fitted_values(IdentificationClass& of_fit) {
           "combinations",
           [](const Class& of) {
             std::vector<std::pair<std::map<std::string, double>, double>> all;
-            for (const Combination& combination : of.fit.combinations) {
+            for (const Combination& combination : of.result.fit.combinations) {
               std::map<std::string, double> weights;
               for (const auto& [k, weight] : combination.weights) weights[of.keys[k]] = weight;
               all.emplace_back(std::move(weights), combination.sigma);
@@ -188,7 +217,12 @@ void bind_fitted_values(IdentificationClass& of_fit) {
           "Of a degenerate orbit: (weight of the relative change by key, standard deviation) of "
           "each combination that the events determine.")
       .def_property_readonly(
-          "others", [](const Class& of) { return of.fit.others; },
+          "covariance",
+          [](const py::object& self) { return view(self.cast<const Class&>().covariance, self); },
+          "Covariance of the values, P x P; nan where one of the two is not determined or at a "
+          "bound.")
+      .def_property_readonly(
+          "others", [](const Class& of) { return of.result.fit.others; },
           "Values at other minima that fit as well, P entries each.");
 }
 
@@ -196,39 +230,40 @@ void bind_fit_figures(IdentificationClass& of_fit) {
   using Class = PythonIdentification;
   of_fit
       .def_property_readonly(
-          "jitter", [](const Class& of) { return of.fit.jitter; },
+          "jitter", [](const Class& of) { return of.result.fit.jitter; },
           "Standard deviation of event times, as given or as estimated [s].")
       .def_property_readonly(
-          "scatter", [](const Class& of) { return of.fit.scatter; },
+          "scatter", [](const Class& of) { return of.result.fit.scatter; },
           "Root mean square of the residuals per degree of freedom [s].")
       .def_property_readonly(
           "drift",
           [](const Class& of) -> std::optional<double> {
-            if (!of.fit.departure.is_drift()) return std::nullopt;
-            return of.fit.departure.drift->drift;
+            if (!of.result.fit.departure.is_drift()) return std::nullopt;
+            return of.result.fit.departure.drift->drift;
           },
           "Process noise that the residuals show [energy per unit of time]; None: none.")
       .def_property_readonly(
-          "chi2", [](const Class& of) { return of.fit.chi2; },
+          "chi2", [](const Class& of) { return of.result.fit.chi2; },
           "Sum of the squared residuals in units of the jitter.")
       .def_property_readonly(
-          "freedom", [](const Class& of) { return of.fit.freedom; }, "Degrees of freedom.")
+          "freedom", [](const Class& of) { return of.result.fit.freedom; }, "Degrees of freedom.")
       .def_property_readonly(
-          "impacts", [](const Class& of) { return of.fit.impacts; }, "Number of impacts used.")
+          "impacts", [](const Class& of) { return of.result.fit.impacts; },
+          "Number of impacts used.")
       .def_property_readonly(
-          "left_out", [](const Class& of) { return of.fit.left_out; },
+          "left_out", [](const Class& of) { return of.result.fit.left_out; },
           "Number of closings that the fit does not use.")
       .def_property_readonly(
-          "missing", [](const Class& of) { return structured(rows_of(of.fit.missing)); },
+          "missing", [](const Class& of) { return structured(rows_of(of.result.fit.missing)); },
           "Impacts without an event: an array with the fields t [s] and contact (from 1).")
       .def_property_readonly(
-          "spurious", [](const Class& of) { return of.fit.spurious; },
+          "spurious", [](const Class& of) { return of.result.fit.spurious; },
           "Indices of spurious events in the events in order of time, from 0.")
       .def_property_readonly(
           "repaired",
           [](const Class& of) {
             EventList all;
-            for (const RepairedEvent& event : repaired_events(of.events, of.fit)) {
+            for (const RepairedEvent& event : repaired_events(of.result.events, of.result.fit)) {
               if (!event.spurious) all.push_back(event.event);
             }
             return owned(std::move(all));
@@ -236,18 +271,23 @@ void bind_fit_figures(IdentificationClass& of_fit) {
           "The events with the missing ones at the times of the fit and without spurious ones: an "
           "array of event_dtype.")
       .def_property_readonly(
-          "start", [](const Class& of) -> const State& { return of.fit.start; },
+          "mended", [](const Class& of) { return mended(of.result); },
+          "The rows of `identify --events`: an array with its fields t [s], contact (from 1), "
+          "closed (1 or 0) and note ('', 'lost', 'spurious' or 'suspect'); a pulse is two rows. "
+          "Empty without a fit.")
+      .def_property_readonly(
+          "start", [](const Class& of) -> const State& { return of.result.fit.start; },
           py::return_value_policy::reference_internal, "State at start_t.")
       .def_property_readonly(
-          "start_sigma", [](const Class& of) -> const State& { return of.fit.start_sigma; },
+          "start_sigma", [](const Class& of) -> const State& { return of.result.fit.start_sigma; },
           py::return_value_policy::reference_internal, "Its standard deviations.")
       .def_property_readonly(
-          "start_t", [](const Class& of) { return of.fit.start_t; }, "[s]")
+          "start_t", [](const Class& of) { return of.result.fit.start_t; }, "[s]")
       .def_property_readonly(
           "fitted",
           [](const Class& of) -> std::shared_ptr<Scene> {
-            if (!of.fit.converged()) return nullptr;
-            return std::make_shared<Scene>(of.fit.fitted);
+            if (!of.result.fit.converged()) return nullptr;
+            return std::make_shared<Scene>(of.result.fit.fitted);
           },
           "The scene with all that the fit determines, as `identify --output` writes it: values, "
           "parameters with their correlations, start and its uncertainty, jitter, and the drift or "
@@ -263,35 +303,54 @@ void bind_identification(py::module_& module) {
       "of each array belongs to keys[k]; it is nan where determined[k] is False.");
   of_fit
       .def_property_readonly(
-          "fits", [](const Class& of) { return of.fit.fits(); },
+          "fits", [](const Class& of) { return of.result.fit.fits(); },
           "Whether the fit is accepted; if not, problem is the reason.")
       .def_property_readonly(
-          "problem", [](const Class& of) { return name_of(of.fit.problem); },
+          "accepted", [](const Class& of) { return of.result.fit.fits() || of.result.accepted; },
+          "Whether the fit is accepted, or taken as an effective model by `accept`.")
+      .def_property_readonly(
+          "verdict", [](const Class& of) { return verdict(of.result); }, "The verdict in words.")
+      .def_property_readonly(
+          "reason", [](const Class& of) { return reason_of(of.result.fit); },
+          "Why a fit is refused, and the remedy; empty if it is accepted.")
+      .def_property_readonly(
+          "held",
+          [](const Class& of) -> std::optional<std::string> {
+            if (of.result.held.empty()) return std::nullopt;
+            return of.result.held;
+          },
+          "Key of the parameter that is held to fix the scale, or None.")
+      .def_property_readonly(
+          "problem", [](const Class& of) { return name_of(of.result.fit.problem); },
           "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
           "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
       .def_property_readonly(
-          "misfit", [](const Class& of) { return name_of(of.fit.misfit); },
+          "misfit", [](const Class& of) { return name_of(of.result.fit.misfit); },
           "Evidence that the model is wrong: 'none', 'scatter', 'structured', 'prediction' or "
           "'start'.")
       .def_property_readonly(
           "culprit",
           [](const Class& of) -> std::optional<std::string> {
-            if (of.fit.culprit < 0) return std::nullopt;
-            return of.keys[static_cast<std::size_t>(of.fit.culprit)];
+            if (of.result.fit.culprit < 0) return std::nullopt;
+            return of.keys[static_cast<std::size_t>(of.result.fit.culprit)];
           },
-          "Key of the parameter that reached its bound, or None.");
+          "Key of the parameter that reached its bound, or None.")
+      .def("__str__", [](const Class& of) { return to_text(of.result); });
   bind_fitted_values(of_fit);
   bind_fit_figures(of_fit);
   module.def(
       "identify", &run_identify, py::arg("scene"), py::arg("events"), py::kw_only(),
-      py::arg("free") = py::none(), py::arg("known") = std::vector<std::string>{},
-      py::arg("within") = py::none(), py::arg("jitter") = py::none(),
+      py::arg("free") = py::none(), py::arg("known") = py::tuple(), py::arg("within") = py::none(),
+      py::arg("jitter") = py::none(), py::arg("accept") = false,
       py::arg("duration") = std::numeric_limits<double>::infinity(),
-      "Identifies parameters of a machine from contact events since t = 0. free: their keys in the "
-      "scene file; None: all that events can determine, without known. within: largest relative "
-      "error of the scene's values; jitter [s]: None takes the scene's, or estimates it. events: "
-      "an array of event_dtype, or (t, contact, kind) each; later ones than duration [s] are left "
-      "out. Raises sprag.Error for too few impacts, ModelError or ValueError.");
+      "Identifies parameters of a machine from contact events since t = 0, as the program identify "
+      "does. free: their key in the scene file, or a list of keys; None: all that events can "
+      "determine, without known, also one or several keys, and single ones that explain the events "
+      "alone. within: largest relative error of the scene's values, 0.2 for None; or a dict of it "
+      "by key. jitter [s]: None takes the scene's, or estimates it. accept: take a model that does "
+      "not fit as an effective one. events: an array of event_dtype, or (t, contact, kind) each; "
+      "later ones than duration [s] are left out. Raises sprag.Error for too few impacts, "
+      "ModelError or ValueError.");
 }
 
 // ---- diagnosis
@@ -349,7 +408,10 @@ void bind_diagnosis(py::module_& module) {
           "Lost events that explain the misfit: an array with the fields t [s] and contact.")
       .def_property_readonly(
           "spurious", [](const Diagnosis& of) { return owned(of.spurious); },
-          "Spurious events that explain the misfit, an array of event_dtype.");
+          "Spurious events that explain the misfit, an array of event_dtype.")
+      .def_property_readonly(
+          "verdict", [](const Diagnosis& of) { return verdict(of); }, "The verdict in words.")
+      .def("__str__", [](const Diagnosis& of) { return to_text(of); });
   module.def(
       "diagnose",
       [](const Scene& scene, const py::object& events, std::optional<double> jitter,
@@ -473,8 +535,9 @@ struct ImpactRow {
   double t;
   std::int32_t contact;
   std::int8_t kind;
-  bool of_filter;
-  double time, sigma_time, before, sigma_before, after, sigma_after, impulse, sigma_impulse;
+  bool from_filter;
+  double time, sigma_time, velocity_before, sigma_velocity_before, velocity_after,
+      sigma_velocity_after, impulse, sigma_impulse;
   bool sustained;
   double force_begin, sigma_force_begin, force_end, sigma_force_end, force_largest,
       sigma_force_largest, force_impulse, sigma_force_impulse;
@@ -517,10 +580,11 @@ ImpactRow row_of(const ImpactRecord& of) {
 
 void bind_impacts(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(EventRow, t, contact);
-  PYBIND11_NUMPY_DTYPE(ImpactRow, t, contact, kind, of_filter, time, sigma_time, before,
-                       sigma_before, after, sigma_after, impulse, sigma_impulse, sustained,
-                       force_begin, sigma_force_begin, force_end, sigma_force_end, force_largest,
-                       sigma_force_largest, force_impulse, sigma_force_impulse);
+  PYBIND11_NUMPY_DTYPE(ImpactRow, t, contact, kind, from_filter, time, sigma_time, velocity_before,
+                       sigma_velocity_before, velocity_after, sigma_velocity_after, impulse,
+                       sigma_impulse, sustained, force_begin, sigma_force_begin, force_end,
+                       sigma_force_end, force_largest, sigma_force_largest, force_impulse,
+                       sigma_force_impulse);
   PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma);
   module.def(
       "impacts",
@@ -537,11 +601,13 @@ void bind_impacts(py::module_& module) {
       },
       py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
       py::arg("tick") = 0.01, py::arg("estimator") = "both",
-      "The impacts of a recording: an array with one entry for each event and the fields t [s] as "
-      "reported, contact (from 1), kind, of_filter; time [s], before and after (gap velocities "
-      "[m/s]), impulse [N s], each with its standard deviation sigma_..., inf where unknown; and "
-      "for releases (sustained) force_begin, force_end, force_largest [N] and force_impulse [N s] "
-      "of the contact that ends, else nan. Raises ModelError or ValueError.");
+      "The impacts of a recording: an array with one entry for each event and the columns of "
+      "`observer --impacts` as fields: t [s] as reported, contact (from 1), kind, from_filter; "
+      "time "
+      "[s], velocity_before and velocity_after (of the gap [m/s]), impulse [N s], each with its "
+      "standard deviation sigma_..., inf where unknown; and for releases (the field sustained) "
+      "force_begin, force_end, force_largest [N] and force_impulse [N s] of the contact that ends, "
+      "else nan. Raises ModelError or ValueError.");
   value_class<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
       .def_readonly("made_at", &Prediction::made_at, "Time of the prediction [s].")
       .def_readonly("certain_until", &Prediction::certain_until,
@@ -580,6 +646,31 @@ struct PythonReduction {
 };
 SPRAG_MEMBERS(PythonReduction, reduction, scene)
 
+struct PythonReductions {
+  ReductionTable table;
+  std::vector<std::shared_ptr<Scene>> scenes;
+
+  PythonReduction operator[](std::size_t k) const { return {table.reductions[k], scenes[k]}; }
+};
+SPRAG_MEMBERS(PythonReductions, table, scenes)
+
+PythonReductions run_reduce(const Scene& scene, const EventList& events, int modes) {
+  const ModalMachine machine = modal_machine(scene);
+  std::vector<Eigen::Index> kept = by_frequency(machine);
+  kept.resize(static_cast<std::size_t>(modes));
+  const Followed followed = second_half(events);
+  PythonReductions all{{scene.name, closings(followed), followed.counts, events.back().t,
+                        reductions(machine, kept, followed)},
+                       {}};
+  if (all.table.reductions.empty()) {
+    throw ModelError("the first " + std::to_string(modes) + " modes do not see every contact");
+  }
+  for (const Reduction& of : all.table.reductions) {
+    all.scenes.push_back(std::make_shared<Scene>(reduced_scene(scene, of.machine)));
+  }
+  return all;
+}
+
 void bind_reduction(py::module_& module) {
   value_class<PythonReduction>(module, "Reduction",
                                "A machine with fewer modes and a correction for the others.")
@@ -596,6 +687,33 @@ void bind_reduction(py::module_& module) {
           "rms_gap", [](const PythonReduction& of) { return of.reduction.rms; },
           "Root mean square of the replica's own gap at the closings [m].")
       .def_readonly("scene", &PythonReduction::scene, "The reduced scene.");
+  value_class<PythonReductions>(module, "Reductions",
+                                "A sequence of Reduction, the best first. str() is what reduce "
+                                "prints.")
+      .def_property_readonly(
+          "closings", [](const PythonReductions& of) { return of.table.closings; },
+          "Number of closings that count.")
+      .def_property_readonly(
+          "begin", [](const PythonReductions& of) { return of.table.from; },
+          "Begin of the time in which they count [s].")
+      .def_property_readonly(
+          "end", [](const PythonReductions& of) { return of.table.to; }, "Its end [s].")
+      .def("__len__", [](const PythonReductions& of) { return of.scenes.size(); })
+      .def(
+          "__getitem__",
+          [](const PythonReductions& of, std::ptrdiff_t index) {
+            const std::ptrdiff_t k = index < 0 ? index + std::ssize(of.scenes) : index;
+            if (k < 0 || k >= std::ssize(of.scenes)) throw py::index_error();
+            return of[static_cast<std::size_t>(k)];
+          },
+          py::arg("index"))
+      .def("__iter__",
+           [](const PythonReductions& of) {
+             py::list all;
+             for (std::size_t k = 0; k < of.scenes.size(); ++k) all.append(of[k]);
+             return py::iter(all);
+           })
+      .def("__str__", [](const PythonReductions& of) { return to_text(of.table); });
   module.def(
       "reduce",
       [](const Scene& scene, const py::object& events, int modes, double duration) {
@@ -605,26 +723,12 @@ void bind_reduction(py::module_& module) {
                                       std::to_string(most));
         }
         const EventList taken = in_order(events, scene, duration);
-        return long_call([&] {
-          const ModalMachine machine = modal_machine(scene);
-          std::vector<Eigen::Index> kept = by_frequency(machine);
-          kept.resize(static_cast<std::size_t>(modes));
-          std::vector<PythonReduction> all;
-          for (Reduction& of : reductions(machine, kept, second_half(taken))) {
-            auto reduced = std::make_shared<Scene>(reduced_scene(scene, of.machine));
-            all.push_back({std::move(of), std::move(reduced)});
-          }
-          if (all.empty()) {
-            throw ModelError("the first " + std::to_string(modes) +
-                             " modes do not see every contact");
-          }
-          return all;
-        });
+        return long_call([&] { return run_reduce(scene, taken, modes); });
       },
       py::arg("scene"), py::arg("events"), py::arg("modes"), py::kw_only(),
       py::arg("duration") = std::numeric_limits<double>::infinity(),
-      "Reduces a scene to its first modes, with each correction for the others that is tried: a "
-      "list of Reduction, the one that follows the events best first. Raises sprag.Error for too "
+      "Reduces a scene to its first modes, with each correction for the others that is tried: "
+      "Reductions, the one that follows the events best first. Raises sprag.Error for too "
       "few events, ModelError or ValueError.");
 }
 

@@ -126,7 +126,7 @@ void bind_listener(py::module_& module) {
                           "An observer's estimate of one tick, received from the bus. All arrays "
                           "are read-only views.")
       .def_readonly("session", &estimate_t::session, "The master's.")
-      .def_readonly("tick", &estimate_t::tick)
+      .def_readonly("tick", &estimate_t::tick, "Number of the tick, from 0.")
       .def_readonly("settled_tick", &estimate_t::settled_tick,
                     "Last tick that is final; -1: none yet.")
       .def_readonly("t", &estimate_t::t, "Simulated time of the tick [s].")
@@ -139,7 +139,7 @@ void bind_listener(py::module_& module) {
           },
           "The contacts that are closed, from 1.")
       .def_property_readonly(
-          "of_filter", [](const estimate_t& estimate) { return estimate.from_filter == 1; },
+          "from_filter", [](const estimate_t& estimate) { return estimate.from_filter == 1; },
           "Whether q and u are the timing filter's; else the replica's.")
       .def_property_readonly("sigma_q", array_property(&estimate_t::sigma_q),
                              "Standard deviations of q, f entries; none without a timing filter.")

@@ -457,9 +457,9 @@ void bind_beam(py::module_& module) {
                         "amplitude cos(frequency t + phase); frequency >= 0 [rad/s].")
       .def(py::init(&make_harmonic), py::arg("amplitude") = 0.0, py::arg("frequency") = 0.0,
            py::arg("phase") = 0.0)
-      .def_readonly("amplitude", &Harmonic::amplitude)
-      .def_readonly("frequency", &Harmonic::frequency)
-      .def_readonly("phase", &Harmonic::phase);
+      .def_readonly("amplitude", &Harmonic::amplitude, "In the unit of the quantity.")
+      .def_readonly("frequency", &Harmonic::frequency, "[rad/s], >= 0.")
+      .def_readonly("phase", &Harmonic::phase, "[rad].");
 
   value_class<Beam>(
       module, "Beam",
@@ -469,11 +469,11 @@ void bind_beam(py::module_& module) {
       .def(py::init(&make_beam), py::arg("modes"), py::arg("length") = 1.0,
            py::arg("bending_stiffness") = 1.0, py::arg("mass_per_length") = 1.0,
            py::arg("damping") = 0.0, py::arg("damping_ratio") = py::none())
-      .def_readonly("modes", &Beam::modes)
-      .def_readonly("length", &Beam::length)
-      .def_readonly("bending_stiffness", &Beam::bending_stiffness)
-      .def_readonly("mass_per_length", &Beam::mass_per_length)
-      .def_readonly("damping", &Beam::damping)
+      .def_readonly("modes", &Beam::modes, "Number n of modes.")
+      .def_readonly("length", &Beam::length, "l [m].")
+      .def_readonly("bending_stiffness", &Beam::bending_stiffness, "EI [N m^2].")
+      .def_readonly("mass_per_length", &Beam::mass_per_length, "rho A [kg/m].")
+      .def_readonly("damping", &Beam::damping, "d [N s/m^2]; 0 where damping_ratio is used.")
       .def_property_readonly(
           "damping_ratio",
           [](const py::object& self) -> py::object {
@@ -490,10 +490,10 @@ void bind_model(py::module_& module) {
                        "restitution in [0, 1]; w has f entries.")
       .def(py::init(&make_contact), py::arg("w"), py::arg("restitution"),
            py::arg("clearance") = 0.0, py::arg("motion") = Harmonic{})
-      .def_property_readonly("w", vector_property(&Contact::w))
-      .def_readonly("restitution", &Contact::restitution)
-      .def_readonly("clearance", &Contact::clearance)
-      .def_readonly("motion", &Contact::motion)
+      .def_property_readonly("w", vector_property(&Contact::w), "Direction, f entries.")
+      .def_readonly("restitution", &Contact::restitution, "In [0, 1].")
+      .def_readonly("clearance", &Contact::clearance, "c [m].")
+      .def_readonly("motion", &Contact::motion, "Harmonic motion of the support [m].")
       .def_property_readonly(
           "recorded", [](const Contact& contact) { return contact.input != nullptr; },
           "Whether a recorded input moves the support, too.");
@@ -502,9 +502,9 @@ void bind_model(py::module_& module) {
                      "f(t) += direction (constant + harmonic(t)); direction has f entries.")
       .def(py::init(&make_force), py::arg("direction"), py::arg("constant") = 0.0,
            py::arg("harmonic") = Harmonic{})
-      .def_property_readonly("direction", vector_property(&Force::direction))
-      .def_readonly("constant", &Force::constant)
-      .def_readonly("harmonic", &Force::harmonic)
+      .def_property_readonly("direction", vector_property(&Force::direction), "f entries.")
+      .def_readonly("constant", &Force::constant, "Constant part.")
+      .def_readonly("harmonic", &Force::harmonic, "Harmonic part.")
       .def_property_readonly(
           "recorded", [](const Force& force) { return force.input != nullptr; },
           "Whether a recorded input is a part of the force, too.");
@@ -514,9 +514,10 @@ void bind_model(py::module_& module) {
                       "direction has f entries.")
       .def(py::init(&make_output), py::arg("name"), py::arg("direction"),
            py::arg("velocity") = false, py::arg("unit") = "")
-      .def_readonly("name", &Output::name)
-      .def_property_readonly("direction", vector_property(&Output::direction))
-      .def_readonly("velocity", &Output::velocity)
+      .def_readonly("name", &Output::name, "Name of the column.")
+      .def_property_readonly("direction", vector_property(&Output::direction), "f entries.")
+      .def_readonly("velocity", &Output::velocity,
+                    "Whether it is direction^T u, not direction^T q.")
       .def_readonly("unit", &Output::unit, "As in the scene file; empty where not given.");
 
   value_class<Model, std::shared_ptr<Model>>(
@@ -531,15 +532,16 @@ void bind_model(py::module_& module) {
            py::arg("outputs") = std::vector<Output>{}, py::kw_only(),
            py::arg("damping_ratio") = py::none(), py::arg("rayleigh") = py::none())
       .def_property_readonly("f", &Model::coordinates, "Number of coordinates.")
-      .def_property_readonly("M", matrix_property(&Model::M))
-      .def_property_readonly("C", matrix_property(&Model::C))
-      .def_property_readonly("K", matrix_property(&Model::K))
-      .def_readonly("contacts", &Model::contacts)
-      .def_readonly("forces", &Model::forces)
+      .def_property_readonly("M", matrix_property(&Model::M), "Mass matrix, f x f.")
+      .def_property_readonly("C", matrix_property(&Model::C), "Damping matrix, f x f.")
+      .def_property_readonly("K", matrix_property(&Model::K), "Stiffness matrix, f x f.")
+      .def_readonly("contacts", &Model::contacts, "Contacts, m entries.")
+      .def_readonly("forces", &Model::forces, "Forces; that of a shaken frame is one of them.")
       .def_readonly("outputs", &Model::outputs, "Quantities that have a name.")
       .def_property_readonly(
           "law",
-          [](const Model& model) { return model.law == ImpactLaw::newton ? "newton" : "poisson"; })
+          [](const Model& model) { return model.law == ImpactLaw::newton ? "newton" : "poisson"; },
+          "Impact law, 'poisson' or 'newton'.")
       .def_readonly("chatter_time", &Model::chatter_time,
                     "Rest of a bounce sequence below which it is completed [s].");
 
@@ -569,8 +571,8 @@ void bind_scene_parts(py::module_& module) {
              return State{std::move(q), std::move(u)};
            }),
            py::arg("q") = Eigen::VectorXd{}, py::arg("u") = Eigen::VectorXd{})
-      .def_property_readonly("q", vector_property(&State::q))
-      .def_property_readonly("u", vector_property(&State::u));
+      .def_property_readonly("q", vector_property(&State::q), "Coordinates, f entries.")
+      .def_property_readonly("u", vector_property(&State::u), "Velocities, f entries.");
 
   value_class<Record>(
       module, "Record",
@@ -578,19 +580,23 @@ void bind_scene_parts(py::module_& module) {
       "\"force.2\"; n sample times t [s] and values, with the delay and the gain of "
       "the sensor: the frame's acceleration [m/s^2], or where displacement is true "
       "its motion [m], or the force.")
-      .def_readonly("of", &Record::of)
-      .def_readonly("displacement", &Record::displacement)
-      .def_property_readonly("t", vector_property(&Record::t))
-      .def_property_readonly("values", vector_property(&Record::values));
+      .def_readonly("of", &Record::of, "'excitation', or the key of a force.")
+      .def_readonly("displacement", &Record::displacement,
+                    "Whether the values are motions [m], not accelerations or forces.")
+      .def_property_readonly("t", vector_property(&Record::t),
+                             "Times of the samples [s], n entries.")
+      .def_property_readonly("values", vector_property(&Record::values), "The samples, n entries.");
 
   value_class<ParameterUncertainty>(
       module, "ParameterUncertainty",
       "How uncertain parameters of a machine are, [parameters] of its scene: P standard "
       "deviations, "
       "in the units of the parameters' values, and their correlation, P x P.")
-      .def_readonly("keys", &ParameterUncertainty::keys)
-      .def_property_readonly("sigma", vector_property(&ParameterUncertainty::sigma))
-      .def_property_readonly("correlation", matrix_property(&ParameterUncertainty::correlation))
+      .def_readonly("keys", &ParameterUncertainty::keys, "Keys of the parameters, P entries.")
+      .def_property_readonly("sigma", vector_property(&ParameterUncertainty::sigma),
+                             "Standard deviations, P entries.")
+      .def_property_readonly("correlation", matrix_property(&ParameterUncertainty::correlation),
+                             "P x P.")
       .def_readonly("consider", &ParameterUncertainty::consider,
                     "Whether a filter only considers each, and never corrects it.");
 
@@ -602,12 +608,12 @@ void bind_scene_parts(py::module_& module) {
       .def(py::init(&make_tolerance), py::kw_only(), py::arg("time") = 0.0,
            py::arg("restitution") = 0.0, py::arg("stiffness") = 0.0, py::arg("damping") = 0.0,
            py::arg("force") = 0.0, py::arg("clearance") = 0.0)
-      .def_readonly("time", &Tolerance::time)
-      .def_readonly("restitution", &Tolerance::restitution)
-      .def_readonly("stiffness", &Tolerance::stiffness)
-      .def_readonly("damping", &Tolerance::damping)
-      .def_readonly("force", &Tolerance::force)
-      .def_readonly("clearance", &Tolerance::clearance);
+      .def_readonly("time", &Tolerance::time, "Of each event [s].")
+      .def_readonly("restitution", &Tolerance::restitution, "Absolute.")
+      .def_readonly("stiffness", &Tolerance::stiffness, "Share of K.")
+      .def_readonly("damping", &Tolerance::damping, "Share of C.")
+      .def_readonly("force", &Tolerance::force, "In the norm of the inverse of M.")
+      .def_readonly("clearance", &Tolerance::clearance, "[m].");
 
   value_class<KeptModes, std::shared_ptr<KeptModes>>(
       module, "KeptModes",
@@ -650,7 +656,7 @@ void bind_scene_values(SceneClass& of_scene) {
       .def_property_readonly(
           "m", [](const Scene& scene) { return scene.model.contacts.size(); },
           "Number of contacts.")
-      .def_readonly("model", &Scene::model)
+      .def_readonly("model", &Scene::model, "The Model.")
       .def_readonly("beam", &Scene::beam, "None where the scene is not of a beam.")
       .def_readonly("positions", &Scene::positions,
                     "x_c of a beam's contacts [m], m entries; empty where the scene is not of a "

@@ -6,7 +6,10 @@
 #include "sprag/assessment.h"
 #include "sprag/beam.h"
 #include "sprag/detail/analysis/diagnosis.h"
+#include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/detail/analysis/reduction_choice.h"
+#include "sprag/detail/identification/request.h"
+#include "sprag/detail/text/reduction_text.h"
 #include "sprag/identification.h"
 #include "sprag/observer.h"
 #include "sprag/prediction.h"
@@ -35,8 +38,16 @@ SPRAG_MEMBERS(Adaptation, free, within, walk)
 SPRAG_MEMBERS(ParameterUncertainty, keys, sigma, correlation, consider)
 SPRAG_MEMBERS(Prior, start, uncertainty, sigma, drift, jitter, tolerance, adaptation, parameters)
 SPRAG_MEMBERS(Truth, start, given, release_penetration)
-SPRAG_MEMBERS(Scene, name, model, beam, positions, frame, clock, kept, stream_duration, stream_unit,
-              prior, truth, remarks)
+// Without the reader's remarks, which are about the text of a file.
+template <typename T>
+requires std::same_as<std::remove_const_t<T>, Scene>
+auto members(T& scene) {
+  auto& [name, model, beam, positions, frame, clock, kept, stream_duration, stream_unit, prior,
+         truth, remarks] = scene;
+  static_cast<void>(remarks);
+  return std::tie(name, model, beam, positions, frame, clock, kept, stream_duration, stream_unit,
+                  prior, truth);
+}
 
 // ---- runs
 SPRAG_MEMBERS(ContactEvent, t, contact, kind)
@@ -72,8 +83,11 @@ SPRAG_MEMBERS(Trial, planned, duration, error, contacts, closings, longest_open,
 SPRAG_MEMBERS(FilterTrial, duration, closings, left, known_from)
 SPRAG_MEMBERS(ModalMachine, model, master, replica, observed, uncertainty)
 SPRAG_MEMBERS(Reduction, correction, modes, static_vectors, least_zeta, share, rms, machine)
+SPRAG_MEMBERS(ReductionTable, scene, closings, from, to, reductions)
 SPRAG_MEMBERS(Accuracy::Change, modes, change)
 SPRAG_MEMBERS(Accuracy, tolerance, duration, modes, changes, fewest, change)
+SPRAG_MEMBERS(CertifiedFloor, median, largest, without_events)
+SPRAG_MEMBERS(GuaranteedWidths, floor, duration, why_none, widths)
 SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
 SPRAG_MEMBERS(Assessment, scene, coordinates, law, M, C, K, W, opposing, monotonicity, modes, path,
               slow_root, decades, omega_max, moreau_tick, trial, filter, accuracy, findings)
@@ -104,10 +118,13 @@ SPRAG_MEMBERS(RestitutionTrend, trend, sigma, chi2_without, chi2_with, gain)
 SPRAG_MEMBERS(Departure, drift, scatter, trend, trend_beside, correlation)
 SPRAG_MEMBERS(RecordErrors, noise, resolution, start, noise_scatter, resolution_scatter,
               other_scatter)
+SPRAG_MEMBERS(Explanation, keys, fit)
+SPRAG_MEMBERS(Explanations, simplest)
 SPRAG_MEMBERS(Identification, problem, misfit, culprit, unknowns, ambiguities, combinations, fitted,
               jitter, jitter_given, scatter, chi2, largest_chi2, freedom, impacts, stretches,
               events, left_out, spurious_left_out, from, to, interval, predicted, predicted_before,
               first_squares, first_freedom, start, start_sigma, start_t, begins, inside_from,
               inside_to, spurious, missing, likelihood, measured, departure, record_errors, others)
+SPRAG_MEMBERS(IdentifyResult, scene, fit, accepted, asked_for_causes, causes, held, events)
 
 }  // namespace sprag

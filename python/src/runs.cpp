@@ -21,6 +21,9 @@
 #include "python/src/members.h"
 #include "python/src/settings.h"
 #include "sprag/assessment.h"
+#include "sprag/detail/analysis/guaranteed_widths.h"
+#include "sprag/detail/text/parameters_text.h"
+#include "sprag/detail/text/printable.h"
 #include "sprag/energy.h"
 #include "sprag/events_file.h"
 #include "sprag/observer.h"
@@ -205,7 +208,7 @@ void bind_estimates(py::module_& module) {
       .def_property_readonly("bound_outputs", array_property(&Estimates::bound_outputs),
                              "The same of the scene's outputs.")
       .def_property_readonly(
-          "of_filter",
+          "from_filter",
           [](const py::object& self) {
             const auto& flags = self.cast<const Estimates&>().of_filter;
             return read_only(py::array(py::dtype::of<bool>(),
@@ -261,7 +264,7 @@ void bind_estimates(py::module_& module) {
 void bind_estimate(py::module_& module) {
   value_class<Estimate>(module, "Estimate",
                         "An observer's estimate of one tick. All arrays are read-only views.")
-      .def_readonly("tick", &Estimate::tick)
+      .def_readonly("tick", &Estimate::tick, "Number of the tick, from 0.")
       .def_readonly("t", &Estimate::t, "tick h [s].")
       .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
       .def_property_readonly("u", array_property(&Estimate::u), "Velocities, f entries.")
@@ -269,7 +272,7 @@ void bind_estimate(py::module_& module) {
           "closed", [](const Estimate& estimate) { return contacts_of(estimate.closed); },
           "The contacts that are closed, from 1.")
       .def_readonly("settled", &Estimate::settled, "Whether it is final.")
-      .def_readonly("of_filter", &Estimate::of_filter,
+      .def_readonly("from_filter", &Estimate::of_filter,
                     "Whether q and u are the timing filter's; else the replica's.")
       .def_readonly("penetrating", &Estimate::penetrating,
                     "Whether q lies inside a support, where the machine cannot be.")
@@ -422,15 +425,30 @@ void bind_energies(py::module_& module) {
 // Same limit as in the program check_scene.
 constexpr auto longest_trial = std::chrono::seconds(5);
 
-Assessment check(const Scene& scene, std::optional<double> accuracy) {
+// With what the program check_scene prints of the scene's uncertainties.
+struct PythonAssessment {
+  Assessment assessment;
+  std::optional<GuaranteedWidths> guaranteed;
+  std::string uncertainties;
+};
+SPRAG_MEMBERS(PythonAssessment, assessment, guaranteed, uncertainties)
+
+std::string to_text(const PythonAssessment& of) {
+  return to_text(of.assessment) + of.uncertainties;
+}
+
+PythonAssessment check(const Scene& scene, std::optional<double> accuracy) {
   if (accuracy && !(*accuracy > 0.0)) throw std::invalid_argument("accuracy must be > 0");
   TrialLimits limits;
   limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
     return std::chrono::steady_clock::now() - begin > longest_trial;
   };
-  Assessment assessment = assess(scene, limits);
-  if (accuracy) assess_accuracy(scene, *accuracy, limits, assessment);
-  return assessment;
+  PythonAssessment all{assess(scene, limits), {}, {}};
+  if (accuracy) assess_accuracy(scene, *accuracy, limits, all.assessment);
+  all.assessment.scene = printable(scene.name);
+  all.guaranteed = guaranteed_widths(scene);
+  all.uncertainties = parameters_text(scene) + guaranteed_text(scene, all.guaranteed);
+  return all;
 }
 
 void bind_check(py::module_& module) {
@@ -443,24 +461,38 @@ void bind_check(py::module_& module) {
       .def_readonly("provided", &Finding::provided,
                     "Condition that was not checked and on which it depends; or empty.")
       .def_readonly("change", &Finding::change, "Remedy; empty if none is needed.");
-  value_class<Assessment>(module, "Assessment",
-                          "Whether a scene's replica will synchronize, and why. str() has it all.")
-      .def_property_readonly("synchronizes", &Assessment::synchronizes,
-                             "Whether all required findings hold.")
-      .def_property_readonly("verdict", &Assessment::verdict,
-                             "'will synchronize' or 'may not synchronize'.")
+  using Class = PythonAssessment;
+  value_class<Class>(module, "Assessment",
+                     "Whether a scene's replica will synchronize, and why. str() is what "
+                     "check_scene prints.")
       .def_property_readonly(
-          "findings", [](const Assessment& a) { return a.findings; }, "All findings.")
-      .def_readonly("decades", &Assessment::decades,
-                    "By how many decades V falls a unit of time without impacts [1/s].")
+          "synchronizes", [](const Class& of) { return of.assessment.synchronizes(); },
+          "Whether all required findings hold.")
+      .def_property_readonly(
+          "verdict", [](const Class& of) { return of.assessment.verdict(); },
+          "'will synchronize' or 'may not synchronize'.")
+      .def_property_readonly(
+          "findings", [](const Class& of) { return of.assessment.findings; }, "All findings.")
+      .def_property_readonly(
+          "decades", [](const Class& of) { return of.assessment.decades; },
+          "By how many decades V falls a unit of time without impacts [1/s].")
       .def_property_readonly(
           "modes_needed",
-          [](const Assessment& a) -> std::optional<int> {
-            if (!a.accuracy) return std::nullopt;
-            return a.accuracy->modes;
+          [](const Class& of) -> std::optional<int> {
+            if (!of.assessment.accuracy) return std::nullopt;
+            return of.assessment.accuracy->modes;
           },
           "The fewest modes within the accuracy that was asked for, or None.")
-      .def("__str__", [](const Assessment& a) { return to_text(a); });
+      .def_property_readonly(
+          "half_widths",
+          [](const Class& of) -> std::optional<std::map<std::string, double>> {
+            if (!of.guaranteed || !of.guaranteed->why_none.empty()) return std::nullopt;
+            return std::map<std::string, double>(of.guaranteed->widths.begin(),
+                                                 of.guaranteed->widths.end());
+          },
+          "Guaranteed half-widths of the outputs, or of the gaps, by name, in the second half of a "
+          "trial run; inf where no spring holds one. None without a tolerance or a guarantee.")
+      .def("__str__", [](const Class& of) { return to_text(of); });
   module.def(
       "check",
       [](const Scene& scene, std::optional<double> accuracy) {

@@ -1,5 +1,6 @@
 """Identification, diagnosis, smoothing, impacts, predictions, reduction and import of events."""
 
+import csv
 import json
 import signal
 import subprocess
@@ -127,12 +128,60 @@ class IdentifyTest(unittest.TestCase):
         self.assertEqual(fit.missing["contact"][0], 1)
         self.assertEqual(len(fit.repaired), len(events))
 
+    def test_the_mended_events_are_the_rows_of_the_program(self):
+        truth = scene("lab_rig")
+        events = with_jitter(sprag.simulate(truth, 20.0).events, 2e-5, seed=0)
+        record = np.append(np.delete(events, 30), np.array([(11.1, 1, 3)], sprag.event_dtype))
+        record = np.sort(record, order="t")
+        with tempfile.TemporaryDirectory() as folder:
+            file, written = Path(folder) / "events.csv", Path(folder) / "mended.csv"
+            write_events(file, record)
+            rig_file = str(SOURCE / "scenes/lab_rig.toml")
+            options = ["--jitter", "2e-5", "--events", str(written), "--json"]
+            report = json.loads(program("identify", str(file), rig_file, *options).stdout)
+            with written.open(newline="") as rows:
+                expected = list(csv.DictReader(rows))
+        fit = sprag.identify(truth, record, jitter=2e-5)
+        self.assertTrue(fit.fits, fit.reason)
+        self.assertEqual(set(fit.mended["note"]), {"", "lost", "spurious"})
+        self.assertEqual(fit.mended.dtype.names, tuple(expected[0]))
+        for name, convert in (("t", float), ("contact", int), ("closed", int), ("note", str)):
+            self.assertEqual(fit.mended[name].tolist(), [convert(row[name]) for row in expected])
+        sigmas = np.array([of["sigma"] for of in report["parameters"]])
+        expected = np.array(report["correlations"]) * np.outer(sigmas, sigmas)
+        np.testing.assert_allclose(fit.covariance, expected, rtol=1e-12)
+        self.assertEqual((fit.verdict, fit.held), (report["verdict"], report["held"]))
+
+    def test_one_key_and_its_range(self):
+        truth = rig(0.55)
+        events = sprag.simulate(truth, 60.0).events
+        fit = sprag.identify(rig(), events, jitter=1e-6, free="impact.restitution")
+        self.assertEqual(fit.keys, ["impact.restitution"])
+        np.testing.assert_allclose(fit.covariance, [[fit.sigmas[0] ** 2]])
+        narrow = {"impact.restitution": 0.01, "system.K": 0.5}
+        one = sprag.identify(rig(), events, jitter=1e-6, free="impact.restitution", within=narrow)
+        self.assertEqual((one.problem, one.culprit), ("bound_reached", "impact.restitution"))
+
+    def test_a_wrong_model_is_accepted_by_request(self):
+        truth = rig(0.55)
+        events = with_jitter(sprag.simulate(truth, 60.0).events, 1e-4, seed=1)
+        arguments = {"jitter": 1e-5, "free": ["impact.restitution"]}
+        refused, accepted = (
+            sprag.identify(rig(), events, **arguments, accept=accept) for accept in (False, True)
+        )
+        self.assertEqual((refused.fits, refused.accepted), (False, False))
+        self.assertEqual((accepted.fits, accepted.accepted), (False, True))
+        self.assertIn("effective model", accepted.verdict)
+        self.assertNotEqual(refused.reason, "")
+
     def test_wrong_arguments(self):
         events = sprag.simulate(rig(), 20.0).events
         for arguments in (
             {"free": ["system.X"]},
             {"jitter": -1.0},
             {"within": 0.0},
+            {"within": {"system.K": 11.0}},
+            {"within": {"system.X": 0.1}},
             {"free": ["system.K"], "known": ["system.K"]},
         ):
             with self.subTest(arguments), self.assertRaises(ValueError):
@@ -189,21 +238,23 @@ class ImpactsTest(unittest.TestCase):
         impacts = sprag.impacts(truth, machine.events, 40.0)
         self.assertEqual(len(impacts), len(machine.events))
         np.testing.assert_array_equal(impacts["t"], machine.events["t"])
-        known = impacts[(impacts["kind"] == 3) & np.isfinite(impacts["sigma_before"])]
+        known = impacts[(impacts["kind"] == 3) & np.isfinite(impacts["sigma_velocity_before"])]
         self.assertGreater(len(known), 20)
         epsilon = truth.model.contacts[0].restitution
-        np.testing.assert_allclose(known["after"], -epsilon * known["before"], atol=1e-9)
+        np.testing.assert_allclose(
+            known["velocity_after"], -epsilon * known["velocity_before"], atol=1e-9
+        )
         with tempfile.TemporaryDirectory() as folder:
-            events, csv = Path(folder) / "events.csv", Path(folder) / "impacts.csv"
+            events, file = Path(folder) / "events.csv", Path(folder) / "impacts.csv"
             write_events(events, machine.events)
             done = program(
                 "observer", str(SOURCE / "scenes/two_stops_beam.toml"), "--replay", str(events),
-                "--duration", "40", "--impacts", str(csv)
+                "--duration", "40", "--impacts", str(file)
             )  # fmt: skip
             self.assertEqual(done.returncode, 0, done.stderr)
-            header = csv.read_text().splitlines()[0].split(",")
-            table = np.genfromtxt(csv, delimiter=",", names=True)
-        self.assertEqual(header[0], "t")
+            header = file.read_text().splitlines()[0].split(",")
+            table = np.genfromtxt(file, delimiter=",", names=True)
+        self.assertEqual([of for of in impacts.dtype.names if of != "sustained"], header)
         np.testing.assert_array_equal(table["t"], impacts["t"])
 
     def test_prediction_is_what_comes(self):

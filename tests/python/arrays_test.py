@@ -28,7 +28,7 @@ class ArraysTest(unittest.TestCase):
         state = self.scene.master
         owners = {
             self.machine: ["events", "t", "q", "u"],
-            self.estimates: ["t", "bound", "of_filter", *TABLES],
+            self.estimates: ["t", "bound", "from_filter", *TABLES],
             estimate: TABLES,
             energies: ["V", "V_i"],
             state: ["q", "u"],
@@ -46,7 +46,7 @@ class ArraysTest(unittest.TestCase):
             self.assertEqual(getattr(self.estimates, name).shape, (501, 3))
             self.assertEqual(getattr(self.estimates, f"sigma_{name}").shape, (501, 3))
         self.assertEqual(self.estimates.sigma_gap.shape, (501, 1))
-        self.assertEqual(self.estimates.of_filter.dtype, np.bool_)
+        self.assertEqual(self.estimates.from_filter.dtype, np.bool_)
         self.assertEqual(self.machine.events.dtype, sprag.event_dtype)
         np.testing.assert_array_equal(self.machine.t, np.arange(501) * 0.01)
 
@@ -54,7 +54,7 @@ class ArraysTest(unittest.TestCase):
         estimates = sprag.observe(self.scene, self.machine.events, 1.0, estimator="replica")
         self.assertEqual(estimates.sigma_q.shape, (101, 0))
         self.assertEqual(estimates.sigma_gap.shape, (101, 0))
-        self.assertFalse(estimates.of_filter.any())
+        self.assertFalse(estimates.from_filter.any())
 
     def test_arrays_are_in_c_order_and_read_only(self):
         for name, owner, attribute in self.all_arrays():

@@ -80,7 +80,7 @@ class LiveTest(unittest.TestCase):
         np.testing.assert_array_equal([e.u for e in received], offline.u[ticks])
         np.testing.assert_array_equal([e.sigma_q for e in received], offline.sigma_q[ticks])
         np.testing.assert_array_equal([e.sigma_gap for e in received], offline.sigma_gap[ticks])
-        np.testing.assert_array_equal([e.of_filter for e in received], offline.of_filter[ticks])
+        np.testing.assert_array_equal([e.from_filter for e in received], offline.from_filter[ticks])
         np.testing.assert_array_equal([e.bound for e in received], offline.bound[ticks])
         self.assertFalse(received[0].q.flags.writeable)
         self.assertEqual(received[-1].closed, ())

@@ -67,7 +67,7 @@ class ObserverTest(unittest.TestCase):
                 if "B" in theirs.dtype.names:
                     np.testing.assert_array_equal(ours.bound, theirs["B"])
                 if estimator == "both":
-                    np.testing.assert_array_equal(ours.of_filter, theirs["from_filter"] == 1)
+                    np.testing.assert_array_equal(ours.from_filter, theirs["from_filter"] == 1)
 
     def test_stepwise_observer_equals_observe(self):
         for estimator in ("both", "timing", "replica"):
@@ -99,7 +99,7 @@ class ObserverTest(unittest.TestCase):
         self.assertEqual(everything.parameters.shape, (1001, len(everything.keys)))
         self.assertTrue(np.isinf(everything.sigma_parameters[0, of]))
         self.assertAlmostEqual(everything.parameters[-1, of], 0.7, 9)
-        self.assertTrue(everything.of_filter[-1])
+        self.assertTrue(everything.from_filter[-1])
         observer = sprag.Observer(beam, tick=0.02, estimator="adaptive")
         for event in events.tolist():
             observer.take(*event)

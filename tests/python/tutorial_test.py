@@ -25,7 +25,7 @@ def blocks() -> list[tuple[str, str | None]]:
 
 class TutorialTest(unittest.TestCase):
     def test_every_example_runs_and_prints_its_output(self):
-        self.assertEqual(len(blocks()), 4)
+        self.assertEqual(len(blocks()), 5)
         self.assertEqual(sum(printed is not None for _, printed in blocks()), 2)
         for i, (code, printed) in enumerate(blocks()):
             with self.subTest(i), tempfile.TemporaryDirectory() as folder:

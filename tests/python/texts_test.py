@@ -1,0 +1,107 @@
+"""str() of a result is what the program prints."""
+
+import os
+import subprocess
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import sprag
+
+from support import SOURCE, scene, write_events
+
+
+def printed(name: str, *arguments: object) -> str:
+    command = [os.environ[name], *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True).stdout
+
+
+class TextsTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+
+    def recorded(self, events: np.ndarray) -> Path:
+        file = self.folder / "events.csv"
+        write_events(file, events)
+        return file
+
+    def written(self, of: sprag.Scene) -> Path:
+        file = self.folder / "scene.toml"
+        sprag.write_scene(file, of)
+        return file
+
+    def test_identification(self):
+        rig = scene("lab_rig")
+        events = sprag.simulate(rig, 20.0).events
+        late = events.copy()
+        late["t"] += 2e-5 * np.random.default_rng(0).standard_normal(len(events))
+        wrong = rig.with_values({"impact.restitution": 0.4})
+        cases = [
+            (rig, events, {}, []),
+            (rig, late, {"free": "impact.restitution"}, ["--free", "impact.restitution"]),
+            (rig, late, {"jitter": 2e-5, "within": 0.5}, ["--jitter", "2e-5", "--within", "0.5"]),
+            (rig, np.delete(late, 30), {"jitter": 2e-5}, ["--jitter", "2e-5"]),
+            (
+                wrong,
+                late,
+                {"free": ["system.K"], "within": {"system.K": 0.3}, "accept": True},
+                ["--free", "system.K", "--within", "system.K=0.3", "--accept"],
+            ),
+        ]
+        for of, record, arguments, options in cases:
+            with self.subTest(arguments):
+                fit = sprag.identify(of, record, **arguments)
+                shown = printed("IDENTIFY", self.recorded(record), self.written(of), *options)
+                self.assertEqual(str(fit), shown)
+                self.assertTrue(str(fit).startswith(f"lab_rig: {fit.verdict}\n"), shown)
+
+    def test_diagnosis(self):
+        rig = scene("lab_rig")
+        events = sprag.simulate(rig, 20.0).events
+        for value in (rig.model.contacts[0].restitution, 0.5):
+            with self.subTest(value):
+                of = rig.with_values({"impact.restitution": value})
+                diagnosis = sprag.diagnose(of, events, jitter=1e-5)
+                file = self.written(of)
+                shown = printed("DIAGNOSE", self.recorded(events), file, "--jitter", "1e-5")
+                self.assertEqual(str(diagnosis), shown)
+                self.assertIn(diagnosis.verdict, shown)
+
+    def test_reduction(self):
+        beam = scene("stiff_beam")
+        events = sprag.simulate(beam, 60.0).events
+        file = SOURCE / "scenes/stiff_beam.toml"
+        shown = printed("REDUCE", self.recorded(events), file, "--modes", "3")
+        reductions = sprag.reduce(beam, events, 3)
+        self.assertEqual(str(reductions), shown)
+        self.assertEqual(reductions[-1], list(reductions)[len(reductions) - 1])
+        self.assertLess(reductions.begin, reductions.end)
+        with self.assertRaises(IndexError):
+            reductions[len(reductions)]
+
+    def test_uncertainties_of_a_scene(self):
+        rig = scene("lab_rig")
+        known = {"tolerance": sprag.Tolerance(time=1e-4), "parameters": {"system.K": 0.01}}
+        uncertain = rig.replace(**known)
+        check = sprag.check(uncertain)
+        self.assertEqual(str(check), printed("CHECK_SCENE", self.written(uncertain)))
+        self.assertIn("uncertain parameters: system.K", str(check))
+        self.assertEqual(len(check.half_widths), max(len(rig.model.outputs), 1))
+        self.assertIsNone(sprag.check(rig).half_widths)
+
+    def test_names_are_printed_as_text(self):
+        named = scene("lab_rig").replace(name="a\x1b[31m")
+        self.assertTrue(str(sprag.check(named)).startswith("a\\x1b[31m: "))
+
+    def test_notebooks_show_the_text(self):
+        check = sprag.check(scene())
+        self.assertIn(check.findings[0].what[:20], check._repr_html_())
+        self.assertTrue(check._repr_html_().startswith("<pre>"))
+
+
+if __name__ == "__main__":
+    unittest.main()
