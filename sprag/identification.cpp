@@ -16,6 +16,7 @@
 #include "sprag/detail/identification/search.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {
 namespace {
@@ -675,7 +676,7 @@ void Identifier::describe(const Attempt& best, const Determination& determinatio
   for (Eigen::Index k = 0; k < unknowns; ++k) {
     values[k] = result.unknowns[static_cast<std::size_t>(k)].value;
   }
-  result.fitted = family_.with(values);
+  result.fitted = with(family_.scene(), family_.unknowns(), values);
   result.fitted.prior.start = result.start;
   result.fitted.prior.jitter = result.jitter;
 }

@@ -20,9 +20,9 @@
 #include "sprag/beam.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/files/shipped_scenes.h"
-#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
@@ -353,15 +353,13 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
 // The scene with other values of parameters, by their keys in scene files.
 std::shared_ptr<Scene> with_values(const Scene& scene,
                                    const std::map<std::string, double>& values) {
-  require(!has_sampled_inputs(scene.model), "with_values() does not support recorded inputs");
   std::vector<std::string> keys;
   Eigen::VectorXd numbers(static_cast<Eigen::Index>(values.size()));
   for (const auto& [key, number] : values) {
     numbers[static_cast<Eigen::Index>(keys.size())] = required_finite(key.c_str(), number);
     keys.push_back(key);
   }
-  const MachineFamily family(scene, unknowns_named(scene, keys));
-  auto changed = std::make_shared<Scene>(family.with(numbers));
+  auto changed = std::make_shared<Scene>(with(scene, unknowns_named(scene, keys), numbers));
   for (const Contact& contact : changed->model.contacts) required_restitution(contact.restitution);
   const auto semidefinite = [](const Eigen::MatrixXd& matrix) {
     const Eigen::VectorXd all = eigenvalues(matrix);

@@ -14,10 +14,9 @@
 #include "python/src/settings.h"
 #include "sprag/certified_floor.h"
 #include "sprag/detail/bound/bound_tracker.h"
-#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/study/design.h"
 #include "sprag/detail/study/disturbance.h"
 #include "sprag/detail/study/study_file.h"
@@ -77,7 +76,7 @@ class Bench {
         (never_negative && value < 0.0)) {
       throw ModelError(key + " cannot be off by so much");
     }
-    return MachineFamily(scene_, {unknown}).with(Eigen::VectorXd::Constant(1, value));
+    return with(scene_, unknown, value);
   }
 
   // Figures of each estimator, whose model is `given`, in a run with disturbed events.

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "studies/common/later.h"
@@ -40,7 +41,7 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
       if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
     }
   }
-  Scene scene = family.with(values);
+  Scene scene = with(machine, family.unknowns(), values);
   scene.prior.jitter = trial.jitter;
   const std::vector<Unknown> free = unknowns_to_adapt(scene);
   scene.prior.adaptation.within[0] = std::max(scene.prior.adaptation.within[0], trial.off);
@@ -93,7 +94,8 @@ class MovingMaster {
           1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
     }
     begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
-    master_.emplace(common::later(family_.with(values).model, begin_), state_);
+    master_.emplace(common::later(with(family_.scene(), family_.unknowns(), values).model, begin_),
+                    state_);
   }
 
   void advance_piece(Instant t, std::vector<ContactEvent>& events) {

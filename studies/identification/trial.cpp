@@ -5,6 +5,7 @@
 #include <ctime>
 #include <numbers>
 
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/master.h"
 #include "studies/common/random.h"
 
@@ -36,7 +37,7 @@ std::optional<std::pair<Scene, std::vector<ContactEvent>>> other_machine(const S
       limit(all[k], value);
     }
   }
-  Scene machine = family.with(values);
+  Scene machine = with(scene, all, values);
   for (const Contact& contact : machine.model.contacts) {
     if (gap(contact, machine.truth.start.q, 0.0) < 0.0) return std::nullopt;
   }
@@ -124,7 +125,7 @@ std::optional<Question> question(const Scene& scene, const Trial& trial, std::ui
     value /= 1.0 + sign * draw.uniform(0.5, 1.0) * off;
     limit(of_machine.unknowns()[k], value);
   }
-  asked.nominal = of_machine.with(wrong);
+  asked.nominal = with(machine, of_machine.unknowns(), wrong);
   const Scene& nominal = asked.nominal;
   IdentificationSettings& settings = asked.settings;
   settings.unknowns = unknowns_named(nominal, keys);

@@ -10,6 +10,7 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "sprag/observer.h"
@@ -111,7 +112,7 @@ Drawn draw(const Scene& scene, Random& random, double duration) {
   Eigen::VectorXd xi(scene.prior.parameters.size());
   for (double& x : xi) x = normal(random);
   drawn.values = family.nominal() + scene.prior.parameters.root_of_covariance() * xi;
-  drawn.machine = family.with(drawn.values);
+  drawn.machine = with(scene, family.unknowns(), drawn.values);
   const Eigen::Index f = scene.model.coordinates();
   drawn.h = duration / static_cast<double>(ticks);
   drawn.q.setZero(f, ticks + 1);

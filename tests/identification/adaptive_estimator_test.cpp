@@ -5,6 +5,7 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "sprag/observer.h"
@@ -31,7 +32,7 @@ Scene wrong_beam() {
   }
   values[4] = 0.001;  // the clearance
   values[6] = 0.05;   // the phase
-  return family.with(values);
+  return with(scene, family.unknowns(), values);
 }
 
 // At t = 96.3 the contact chatters and stays closed for a while.

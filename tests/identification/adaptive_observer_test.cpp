@@ -7,6 +7,7 @@
 #include <random>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "sprag/observer.h"
@@ -27,8 +28,7 @@ Scene wrong_scene() {
   Scene scene = shipped_scene("paper_beam");
   scene.prior.adaptation.free = {"impact.restitution", "beam.damping"};
   scene.prior.adaptation.within.setConstant(1, 0.1);
-  const MachineFamily family(scene, unknowns_to_adapt(scene));
-  return family.with(Eigen::Vector2d(0.67, 0.18));
+  return with(scene, unknowns_to_adapt(scene), Eigen::Vector2d(0.67, 0.18));
 }
 
 struct Row {
@@ -154,8 +154,7 @@ Swept swept(Random& random, Eigen::Index f, double noise) {
   swept.machine.prior.adaptation.free = {"impact.restitution", "system.K"};
   swept.machine.prior.adaptation.within.setConstant(1, 0.1);
   swept.machine.prior.jitter = 1e-5;
-  const MachineFamily family(swept.machine, unknowns_to_adapt(swept.machine));
-  swept.given = family.with(Eigen::Vector2d(0.67, 1.04));
+  swept.given = with(swept.machine, unknowns_to_adapt(swept.machine), Eigen::Vector2d(0.67, 1.04));
   swept.given.model.forces[0].input =
       std::make_shared<const SampledInput>(with_errors(record, errors));
   return swept;

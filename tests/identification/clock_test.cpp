@@ -8,6 +8,7 @@
 #include "sprag/detail/identification/explanations.h"
 #include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/identification.h"
 #include "tests/identification/ball.h"
 #include "tests/identification/fitted_unknown.h"
@@ -159,7 +160,7 @@ TEST(Clock, FamilyAndItsMachineInTheTimeOfTheEventsAgree) {
       EXPECT_LT((a.constant_forces.col(j) * x[i] - b.constant_forces.col(j) * y[i]).norm(), 1e-12);
     }
     // In the scene of the result the machine is as before, and the clock is another.
-    const Scene result = family.with(values);
+    const Scene result = with(scene, family.unknowns(), values);
     EXPECT_EQ(result.clock, (ContactClock{.offset = 2.03, .rate = 1.15}));
     EXPECT_EQ(result.model.forces.size(), scene.model.forces.size());
     EXPECT_LT((result.model.K - scene.model.K).norm(), 1e-12 * scene.model.K.norm() + 1e-300);

@@ -10,6 +10,7 @@
 #include "sprag/detail/identification/drift.h"
 #include "sprag/detail/identification/explanations.h"
 #include "sprag/detail/identification/restitution_trend.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"
 #include "tests/support/repetitions.h"
@@ -273,8 +274,7 @@ TEST(Identification, ReleasesOfSustainedContactsAreUsed) {
 // begins there, so that there are fewer unknowns.
 TEST(Identification, PathContinuesThroughSustainedContacts) {
   const Scene scene = shipped_scene("paper_beam_chatter");
-  const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution"}));
-  auto events = events_of(family.with(Eigen::VectorXd::Constant(1, 0.68)), 30.0);
+  auto events = events_of(with(scene, unknown_of(scene, "impact.restitution"), 0.68), 30.0);
   std::mt19937_64 engine(5);
   std::normal_distribution<double> normal;
   double last = 0.0;
@@ -282,7 +282,7 @@ TEST(Identification, PathContinuesThroughSustainedContacts) {
     event.t = last = std::max(last, event.t + 1e-5 * normal(engine));
   }
   IdentificationSettings settings;
-  settings.unknowns = family.unknowns();
+  settings.unknowns = unknowns_named(scene, {"impact.restitution"});
   settings.jitter = 1e-5;
   const Identification through = identify(scene, events, settings);
   settings.through_contact = false;
@@ -308,8 +308,7 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
                              Wrong{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0}}) {
     if (sanitized && wrong.jitter > 0.0) continue;
     const Scene scene = shipped_scene(wrong.scene);
-    const MachineFamily family(scene, unknowns_named(scene, {wrong.key}));
-    auto events = events_of(family.with(Eigen::VectorXd::Constant(1, wrong.value)), wrong.duration);
+    auto events = events_of(with(scene, unknown_of(scene, wrong.key), wrong.value), wrong.duration);
     std::mt19937_64 engine(6);
     std::normal_distribution<double> normal;
     double last = 0.0;
@@ -317,7 +316,7 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
       event.t = last = std::max(last, event.t + wrong.jitter * normal(engine));
     }
     IdentificationSettings settings;
-    settings.unknowns = family.unknowns();
+    settings.unknowns = unknowns_named(scene, {wrong.key});
     settings.jitter = wrong.jitter;
     const Identification found = identify(scene, events, settings);
     std::cout << "seed 6, " << wrong.scene << ": " << found.unknowns[0].value << " +- "
@@ -519,9 +518,8 @@ TEST(Identification, TooFewImpactsAreReported) {
 
 TEST(Identification, FittedSceneEqualsMachine) {
   const Scene scene = shipped_scene("paper_beam");
-  Scene wrong = scene;
-  const MachineFamily family(scene, unknowns_named(scene, {"impact.restitution", "beam.damping"}));
-  wrong = family.with(Eigen::Vector2d(0.62, 0.19));
+  const Scene wrong = with(scene, unknowns_named(scene, {"impact.restitution", "beam.damping"}),
+                           Eigen::Vector2d(0.62, 0.19));
   IdentificationSettings settings;
   settings.unknowns = unknowns_named(wrong, {"impact.restitution", "beam.damping"});
   const Identification found = identify(wrong, events_of(scene, 60.0), settings);
@@ -583,8 +581,7 @@ TEST(Explain, NamesSmallestExplainingSet) {
   IdentificationSettings settings;
   settings.unknowns = all;
   const auto explained = [&](const std::vector<std::string>& keys, const Eigen::VectorXd& values) {
-    const MachineFamily family(scene, unknowns_named(scene, keys));
-    const auto events = events_of(family.with(values), 50.0);
+    const auto events = events_of(with(scene, unknowns_named(scene, keys), values), 50.0);
     return explain(scene, events, settings, 0.0, identify(scene, events, settings));
   };
   const Explanations right = explained({}, {});

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/identification.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"
@@ -104,7 +105,7 @@ Scene off(const Machine& machine, double share, Draw& draw) {
     }
     if (unknown.kind == Unknown::Kind::restitution) value = std::min(value, 0.995);
   }
-  return family.with(values);
+  return with(machine.scene, family.unknowns(), values);
 }
 
 std::vector<ContactEvent> recorded(const Machine& machine, double jitter, Draw& draw) {

@@ -7,6 +7,7 @@
 
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {
 namespace {
@@ -729,7 +730,7 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
     for (Eigen::Index k = 0; k < P; ++k) {
       values[k] = family.unknowns()[static_cast<std::size_t>(k)].value(at[k]);
     }
-    return std::make_shared<const Flows>(family.with(values).model);
+    return std::make_shared<const Flows>(with(family.scene(), family.unknowns(), values).model);
   });
 }
 

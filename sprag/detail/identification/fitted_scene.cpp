@@ -5,8 +5,8 @@
 
 #include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/identification/fitted_tolerance.h"
-#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {
 namespace {
@@ -20,8 +20,8 @@ Scene with_determined(const Scene& scene, const Identification& fit) {
     unknowns.push_back(of.unknown);
     values.push_back(of.value);
   }
-  return MachineFamily(scene, std::move(unknowns))
-      .with(Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values)));
+  return with(scene, unknowns,
+              Eigen::Map<const Eigen::VectorXd>(values.data(), std::ssize(values)));
 }
 
 bool starts_outside(const Model& model, const State& start) {

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {
 namespace {
@@ -447,148 +448,25 @@ Eigen::VectorXd MachineFamily::inputs_rate(const Eigen::VectorXd& values, std::s
   return rate;
 }
 
-template <class Change>
-void MachineFamily::change_harmonics(Scene& scene, int index, const Change& change) const {
-  for (std::size_t g = 0; g < groups_.size(); ++g) {
-    if (index >= 0 && index != static_cast<int>(g)) continue;
-    const HarmonicGroup& of = groups_[g];
-    for (const int j : of.forces) {
-      change(scene.model.forces[static_cast<std::size_t>(j)].harmonic, of, of.of_frame);
-    }
-    for (const int i : of.contacts) {
-      change(scene.model.contacts[static_cast<std::size_t>(i)].motion, of, false);
-    }
-    if (of.of_frame && scene.frame) change(scene.frame->motion, of, false);
-  }
-}
-
-// Sets the frequency, phase or amplitude of one group of harmonics, or of all.
-void MachineFamily::set_harmonics(const Unknown& unknown, double value, Scene& scene) const {
-  const bool all = unknown.index < 0;
-  const auto set = [&](Harmonic& harmonic, const HarmonicGroup& group, bool accelerates) {
-    if (unknown.kind == Kind::phase) {
-      harmonic.phase += all ? value : value - group.phase;
-    } else if (unknown.kind == Kind::amplitude) {
-      harmonic.amplitude *= all ? value : value / group.amplitude;
-    } else {
-      const double ratio = all ? value : value / group.frequency;
-      harmonic.frequency = ratio * group.frequency;
-      if (accelerates) harmonic.amplitude *= ratio * ratio;
-    }
-  };
-  change_harmonics(scene, unknown.index, set);
-}
-
-void MachineFamily::set_restitution(int index, double value, Model& model) const {
-  for (std::size_t j = 0; j < model.contacts.size(); ++j) {
-    double& restitution = model.contacts[j].restitution;
-    if (index < 0) {
-      restitution = restitutions_differ_ ? value * restitution : value;
-    } else if (static_cast<int>(j) == index) {
-      restitution = value;
-    }
-  }
-}
-
-void MachineFamily::set(const Unknown& unknown, double value, Scene& scene) const {
-  Model& model = scene.model;
-  const auto i = static_cast<std::size_t>(std::max(unknown.index, 0));
-  switch (unknown.kind) {
-    case Kind::restitution:
-      set_restitution(unknown.index, value, model);
-      break;
-    case Kind::damping:
-      if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-        scene.beam->damping = value;
-      } else if (scene.beam) {
-        scene.beam->damping_ratio *= value;
-      } else {
-        model.C *= value;
-      }
-      break;
-    case Kind::stiffness:
-      if (scene.beam) {
-        scene.beam->bending_stiffness = value;
-      } else {
-        model.K *= value;
-      }
-      break;
-    case Kind::damping_entry:
-      model.C(unknown.row, unknown.column) = model.C(unknown.column, unknown.row) = value;
-      break;
-    case Kind::stiffness_entry:
-      model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
-      break;
-    case Kind::position: {
-      Eigen::VectorXd& w = model.contacts[i].w;
-      w = moved_direction(*scene_.beam, w, scene_.positions[i], value);
-      scene.positions[i] = value;
-      break;
-    }
-    case Kind::frequency:
-    case Kind::phase:
-    case Kind::amplitude:
-      set_harmonics(unknown, value, scene);
-      break;
-    case Kind::clock_rate:
-      scene.clock.rate = value;
-      break;
-    case Kind::clock_offset:
-      scene.clock.offset = value;
-      break;
-    case Kind::constant:
-      model.forces[i].constant = value;
-      break;
-    case Kind::clearance:
-      model.contacts[i].clearance = value;
-      break;
-    case Kind::delay:
-    case Kind::gain:
-      set_record(unknown, value, scene);
-      break;
-  }
-}
-
-// Sets the gain or the delay of a record, which forces, supports and the frame share.
-void MachineFamily::set_record(const Unknown& unknown, double value, Scene& scene) const {
-  const RecordedInput& record = records_[static_cast<std::size_t>(unknown.index)];
-  const SampledInputPointer present =
-      scene.model.forces[static_cast<std::size_t>(record.forces.front())].input;
-  const SampledInput::Settings& settings = present->settings();
-  const auto changed = std::make_shared<const SampledInput>(
-      with_gain_and_delay(*present, unknown.kind == Kind::gain ? value : settings.gain,
-                          unknown.kind == Kind::delay ? value : settings.delay));
-  replace_input(record, changed, scene);
-}
-
-Scene MachineFamily::with(const Eigen::VectorXd& values) const {
-  Scene scene = scene_;
-  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-    set(unknowns_[k], values[static_cast<Eigen::Index>(k)], scene);
-  }
-  if (scene.beam) {
-    scene.model.K = stiffness(*scene.beam).asDiagonal();
-    scene.model.C = damping(*scene.beam).asDiagonal();
-  }
-  return scene;
-}
-
 Scene MachineFamily::as_timed(const Eigen::VectorXd& values) const {
-  Scene scene = with(values);
+  Scene scene = with(scene_, unknowns_, values);
   const double scale = clock_scale(values), shift = clock_shift(values);
   scene.clock = scene_.clock;
   if (scale == 1.0 && shift == 0.0) return scene;
+  const auto slow_down = [&](Harmonic& harmonic) {
+    harmonic.frequency /= scale;
+    harmonic.phase -= harmonic.frequency * shift;
+  };
   Model& model = scene.model;
   model.C /= scale;
   model.K /= square(scale);
   for (Force& force : model.forces) {
     force.constant /= square(scale);
     force.harmonic.amplitude /= square(scale);
+    slow_down(force.harmonic);
   }
-  change_harmonics(scene, -1, [&](Harmonic& harmonic, const HarmonicGroup&, bool) {
-    harmonic.frequency /= scale;
-    harmonic.phase -= harmonic.frequency * shift;
-  });
+  for (Contact& contact : model.contacts) slow_down(contact.motion);
+  if (scene.frame) slow_down(scene.frame->motion);
   if (!scene.beam) return scene;
   scene.beam->bending_stiffness /= square(scale);
   scene.beam->damping /= scale;

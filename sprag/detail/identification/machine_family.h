@@ -119,9 +119,7 @@ class MachineFamily {
   /// y for q.
   Eigen::VectorXd to_modes(const Eigen::VectorXd& q) const { return V_inverse_ * q; }
 
-  /// The scene with these values, in its beam, model, positions and clock.
-  Scene with(const Eigen::VectorXd& values) const;
-  /// The same machine with t as its time and with the nominal clock.
+  /// The scene with these values, with t as the machine's time and with the nominal clock.
   Scene as_timed(const Eigen::VectorXd& values) const;
 
  private:
@@ -138,16 +136,8 @@ class MachineFamily {
   void set_delays(const Eigen::VectorXd& values, Machine& machine) const;
   void add_records();
   Responses responses_of(const Machine& machine) const;
-  void set_record(const Unknown& unknown, double value, Scene& scene) const;
   void set_flow(const Eigen::VectorXd& values, Machine& machine) const;
   void set_position(int contact, double position, Machine& machine) const;
-  void set(const Unknown& unknown, double value, Scene& scene) const;
-  void set_restitution(int index, double value, Model& model) const;
-  void set_harmonics(const Unknown& unknown, double value, Scene& scene) const;
-  // Calls change(harmonic, group, is_acceleration) for the harmonics of the group with this index;
-  // -1: of all groups.
-  template <class Change>
-  void change_harmonics(Scene& scene, int index, const Change& change) const;
 
   Scene scene_;
   std::vector<Unknown> unknowns_;
