@@ -360,14 +360,7 @@ void bind_diagnosis(py::module_& module) {
                          "A parameter that may be wrong, alone, and the value that explains the "
                          "events best.")
       .def_property_readonly(
-          "name", [](const Candidate& of) { return of.parameter.name; }, "Name for people.")
-      .def_property_readonly(
-          "contact",
-          [](const Candidate& of) -> std::optional<int> {
-            if (of.parameter.contact < 0) return std::nullopt;
-            return of.parameter.contact + 1;
-          },
-          "Its contact, from 1, or None.")
+          "key", [](const Candidate& of) { return of.parameter.key; }, "Key in the scene file.")
       .def_property_readonly(
           "unit", [](const Candidate& of) { return of.parameter.unit; }, "Unit; may be empty.")
       .def_property_readonly(
@@ -381,7 +374,7 @@ void bind_diagnosis(py::module_& module) {
                     "Share of the square of the scatter that it explains.")
       .def_readonly("fits", &Candidate::fits, "Whether the events fit with it and the jitter.")
       .def_readonly("improved_by", &Candidate::improved_by,
-                    "A parameter that explains much more together with it; else empty.");
+                    "Key of a parameter that explains much more together with it; else empty.");
   value_class<Diagnosis>(module, "Diagnosis",
                          "Whether events fit a scene, and which parameter would explain them.")
       .def_readonly("fits", &Diagnosis::fits, "Whether the events fit the scene as it is.")

@@ -93,16 +93,14 @@ SPRAG_MEMBERS(Assessment, scene, coordinates, law, M, C, K, W, opposing, monoton
               slow_root, decades, omega_max, moreau_tick, trial, filter, accuracy, findings)
 
 // ---- parameters
-SPRAG_MEMBERS(Parameter, quantity, contact, record, name, unit, nominal, lowest, highest, cyclic,
-              relative)
+SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,
+              upper_limit)
 SPRAG_MEMBERS(Candidate, parameter, determined, value, deviation, sensitivity, scatter, misfit,
               gain, explained, fits, improved_by)
 SPRAG_MEMBERS(MissingImpact, t, contact)
 SPRAG_MEMBERS(Diagnosis, scene, closings, from, to, jitter, resolved, scatter, misfit,
               largest_misfit, common_scatter, misfit_before, unsure, fits, candidates, missing,
               spurious, rate_ambiguity, has_record, only_frequency)
-SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,
-              upper_limit)
 SPRAG_MEMBERS(FittedUnknown, unknown, value, sigma, determined, low, high, at_bound, partner,
               correlation, of_record)
 SPRAG_MEMBERS(ClockAmbiguity, key, equals)

@@ -10,7 +10,7 @@
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/parameters/parameters.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "studies/calibration/machines.h"
@@ -141,16 +141,20 @@ Scene with_machine_of_prior(Scene scene, std::uint64_t seed) {
 
 // One parameter off by 1 to 5 % with a random sign; a phase by 0.01 to 0.05 rad.
 Scene with_wrong_parameter(Scene scene, std::uint64_t seed) {
+  using Kind = Unknown::Kind;
   common::Random random(seed);
-  std::vector<Parameter> parameters = parameters_of(scene, 1.0);
-  std::erase_if(parameters, [](const Parameter& one) { return !one.relative && !one.cyclic; });
+  std::vector<Unknown> parameters = unknowns_of(scene);
+  std::erase_if(parameters, [](const Unknown& one) {
+    return one.kind == Kind::delay || (one.nominal == 0.0 && one.kind != Kind::phase);
+  });
   const auto chosen =
       static_cast<std::size_t>(random.uniform() * static_cast<double>(parameters.size()));
-  const Parameter& parameter = parameters[chosen];
+  const Unknown& parameter = parameters[chosen];
   const double share = (random.uniform() < 0.5 ? -1.0 : 1.0) * (0.01 + 0.04 * random.uniform());
-  const double value = parameter.nominal + share * (parameter.relative ? parameter.nominal : 1.0);
-  scene.model = with(scene, parameter, std::clamp(value, parameter.lowest, parameter.highest));
-  return scene;
+  const double size = parameter.kind == Kind::phase ? 1.0 : parameter.nominal;
+  double value = parameter.nominal + share * size;
+  if (parameter.upper_limit > 0.0) value = std::min(value, parameter.upper_limit);
+  return with(scene, parameter, value);
 }
 
 Scene reported_of(const Scene& scene, double jitter, const Options& options, int seed) {

@@ -196,9 +196,9 @@ class DiagnoseTest(unittest.TestCase):
         self.assertTrue(sprag.diagnose(rig(0.55), events, jitter=1e-5).fits)
         diagnosis = sprag.diagnose(rig(), events, jitter=1e-5)
         self.assertFalse(diagnosis.fits)
-        self.assertEqual(diagnosis.explanation.name, "restitution")
+        self.assertEqual(diagnosis.explanation.key, "impact.restitution")
         self.assertAlmostEqual(diagnosis.explanation.value, 0.55, delta=1e-3)
-        self.assertEqual(diagnosis.candidates[0].name, "restitution")
+        self.assertEqual(diagnosis.candidates[0].key, "impact.restitution")
         self.assertGreater(diagnosis.scatter, 1e-4)
 
     def test_too_few_events(self):
@@ -476,6 +476,10 @@ restitution = 0.6
         stiffer = rig().with_values({"system.K": 1.1})
         np.testing.assert_allclose(stiffer.model.K, 1.1 * rig().model.K)
         self.assertEqual(scene().model.contacts[0].restitution, 0.7)  # the original stays
+        shaken = sprag.read_scene("swept_beam")
+        stronger = shaken.with_values({"excitation.gain": 1.5})
+        self.assertNotEqual(stronger, shaken)
+        self.assertEqual(stronger.with_values({"excitation.gain": 1.0}), shaken)
         other = rig().replace(jitter=1e-3, master=sprag.State([0.0, 0.001]), uncertainty=0.4)
         self.assertEqual(other.jitter, 1e-3)
         np.testing.assert_array_equal(other.uncertainty, [0.2, 0.2])

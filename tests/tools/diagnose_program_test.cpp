@@ -43,19 +43,19 @@ TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
   const std::string events = simulate("0.65");
   const Ended ended = diagnose({events, paper_beam, "--report", path("report.json")});
   EXPECT_EQ(ended.code, 3) << ended.err;
-  EXPECT_NE(ended.out.find("paper_beam: restitution 0.65 instead of 0.7 explains more than 99.99 % "
-                           "of the misfit"),
+  EXPECT_NE(ended.out.find("paper_beam: impact.restitution 0.65 instead of 0.7 explains more than "
+                           "99.99 % of the misfit"),
             std::string::npos)
       << ended.out;
   const auto report = nlohmann::json::parse(read_text(path("report.json")));
-  EXPECT_EQ(report["explanation"], "restitution");
+  EXPECT_EQ(report["explanation"], "impact.restitution");
   EXPECT_EQ(report["fits"], false);
   EXPECT_EQ(report["exit"], 3);
 
   const Ended json = diagnose({events, paper_beam, "--json"});
   EXPECT_EQ(json.code, 3);
   const auto object = nlohmann::json::parse(json.out);
-  EXPECT_EQ(object["parameters"][0]["parameter"], "restitution");
+  EXPECT_EQ(object["parameters"][0]["parameter"], "impact.restitution");
   EXPECT_NEAR(object["parameters"][0]["value"], 0.65, 1e-7);
   EXPECT_EQ(object["parameters"].size(), 9U);
 

@@ -508,7 +508,7 @@ void ReportConsistencyTest::check_explanation(const std::string& text) {
   const auto& best = report_["parameters"].at(0);
   EXPECT_EQ(best["parameter"], name);
   char value[32];
-  const bool is_rate = name == "clock rate";
+  const bool is_rate = name == "clock.rate";
   std::snprintf(value, sizeof value, "%.*g", is_rate ? 8 : 6, best["value"].get<double>());
   const std::string named = is_rate ? "(rate" : name;
   EXPECT_TRUE(has(lines_of(text).at(0), named + " " + value + " instead of "));

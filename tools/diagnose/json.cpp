@@ -23,7 +23,7 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   object["misfit_before"] = diagnosis.misfit_before;
   const Candidate* best = diagnosis.explanation();
   object["explanation"] = nullptr;
-  if (best != nullptr) object["explanation"] = best->parameter.name;
+  if (best != nullptr) object["explanation"] = best->parameter.key;
   object["missing"] = nlohmann::ordered_json::array();
   for (const MissingImpact& impact : diagnosis.missing) {
     object["missing"].push_back({{"t", impact.t}, {"contact", impact.contact + 1}});
@@ -33,19 +33,18 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
     object["spurious"].push_back({{"t", event.t}, {"contact", event.contact + 1}});
   }
   object["ties"] = nlohmann::ordered_json::array();
-  for (const Candidate* tie : diagnosis.ties()) object["ties"].push_back(tie->parameter.name);
+  for (const Candidate* tie : diagnosis.ties()) object["ties"].push_back(tie->parameter.key);
   object["parameters"] = nlohmann::ordered_json::array();
   for (const Candidate& candidate : diagnosis.candidates) {
-    const Parameter& parameter = candidate.parameter;
-    nlohmann::ordered_json entry{{"parameter", parameter.name}, {"unit", parameter.unit}};
-    if (parameter.contact >= 0) entry["contact"] = parameter.contact + 1;
+    const Unknown& parameter = candidate.parameter;
+    nlohmann::ordered_json entry{{"parameter", parameter.key}, {"unit", parameter.unit}};
     entry["nominal"] = parameter.nominal;
     entry["told"] = candidate.determined;
     if (candidate.determined) {
       entry["value"] = candidate.value;
       entry["deviation"] = candidate.deviation;
       entry["change"] = candidate.change();
-      if (parameter.relative) {
+      if (parameter.is_relative()) {
         entry["change_percent"] = 100.0 * candidate.change() / std::abs(parameter.nominal);
       }
       entry["scatter"] = candidate.scatter;

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/parameters/parameters.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/error.h"
 #include "sprag/identification.h"
 #include "sprag/scene.h"
@@ -25,7 +25,7 @@
 namespace sprag {
 
 struct Candidate {
-  Parameter parameter;
+  Unknown parameter;
   /// Whether the events determine the parameter. If false, `value` is the nominal one and `gain` is
   /// 0.
   bool determined = false;
@@ -37,8 +37,8 @@ struct Candidate {
   double gain = 0.0;         ///< J of the nominal model minus J, both at their own scatter
   double explained = 0.0;    ///< share of the nominal scatter's square above the jitter
   bool fits = false;         ///< the events fit with this value and the jitter alone
-  /// For the best candidate: another parameter that explains significantly more together with it;
-  /// else empty.
+  /// For the best candidate: the key of another parameter that explains significantly more together
+  /// with it; else empty.
   std::string improved_by;
 
   double change() const { return value - parameter.nominal; }

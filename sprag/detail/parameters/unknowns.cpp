@@ -8,7 +8,6 @@
 #include <stdexcept>
 
 #include "sprag/detail/files/nearest_word.h"
-#include "sprag/detail/parameters/parameters.h"
 
 namespace sprag {
 namespace {
@@ -93,6 +92,10 @@ std::string unit_of_amplitude(const HarmonicGroup& group) {
 
 }  // namespace
 
+bool Unknown::is_relative() const {
+  return nominal != 0.0 && kind != Kind::phase && kind != Kind::delay && kind != Kind::clock_offset;
+}
+
 double Unknown::coordinate(double of_value) const {
   return logarithmic ? std::log(of_value / nominal) : (of_value - nominal) / unit_step;
 }
@@ -148,6 +151,10 @@ bool Unknown::is_within(double of_value, double tolerance) const {
 
 namespace {
 
+bool moves(const Harmonic& harmonic) {
+  return harmonic.amplitude != 0.0 && harmonic.frequency > 0.0;
+}
+
 bool is_on_ground(const ShakenFrame& frame, int contact) {
   return std::find(frame.on_ground.begin(), frame.on_ground.end(), contact) !=
          frame.on_ground.end();
@@ -155,10 +162,20 @@ bool is_on_ground(const ShakenFrame& frame, int contact) {
 
 }  // namespace
 
-std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
-  const auto moves = [](const Harmonic& harmonic) {
-    return harmonic.amplitude != 0.0 && harmonic.frequency > 0.0;
+double only_frequency(const Model& model) {
+  double common = 0.0;
+  bool differ = false;
+  const auto add = [&](const Harmonic& harmonic) {
+    if (!moves(harmonic)) return;
+    differ = differ || (common > 0.0 && harmonic.frequency != common);
+    common = harmonic.frequency;
   };
+  for (const Force& force : model.forces) add(force.harmonic);
+  for (const Contact& contact : model.contacts) add(contact.motion);
+  return differ ? 0.0 : common;
+}
+
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
   std::vector<HarmonicGroup> groups;
   const Model& model = scene.model;
   const bool shaken = scene.frame && moves(scene.frame->motion);

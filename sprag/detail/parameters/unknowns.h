@@ -51,6 +51,9 @@ struct Unknown {
   double unit_step = 1.0;    ///< else: the change of the value per unit of the coordinate
 
   bool linear() const { return kind >= Kind::phase; }
+  /// Whether a change is stated as a share of the nominal value: not that of a phase, of a time or
+  /// of a value of 0.
+  bool is_relative() const;
   /// Coordinate of a value in the search: 0 at the nominal value, +0.1 for a change of 10 %.
   double coordinate(double value) const;
   double value(double coordinate) const;
@@ -103,6 +106,9 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
 Unknown unknown_of(const Scene& scene, std::string_view key);
 /// Parameters with these keys.
 std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys);
+
+/// Common frequency [rad per unit of time] of all harmonics with an amplitude; 0: they differ.
+double only_frequency(const Model& model);
 
 /// Harmonics that share amplitude, frequency and phase in the scene file.
 struct HarmonicGroup {

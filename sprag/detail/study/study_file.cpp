@@ -14,7 +14,7 @@
 #include "sprag/detail/files/shipped_scenes.h"
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/detail/filter/tracking_estimator.h"
-#include "sprag/detail/parameters/parameters.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/detail/study/design.h"
 #include "sprag/scene_file.h"
 

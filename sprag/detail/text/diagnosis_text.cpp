@@ -23,19 +23,19 @@ std::string percent(double share) {
 }
 
 std::string instead(const Candidate& candidate) {
-  const Parameter& parameter = candidate.parameter;
-  if (parameter.quantity == Quantity::clock_rate) {
+  const Unknown& parameter = candidate.parameter;
+  if (parameter.kind == Unknown::Kind::clock_rate) {
     return "a contact clock that is " + pace_of_clock(candidate.value) + " (rate " +
            short_number(candidate.value, 8) + " instead of " + short_number(parameter.nominal, 8) +
            ')';
   }
-  return parameter.name + ' ' + short_number(candidate.value, 6) + " instead of " +
+  return parameter.key + ' ' + short_number(candidate.value, 6) + " instead of " +
          with_unit(parameter.nominal, 6, parameter.unit);
 }
 
 std::string change_text(const Candidate& candidate) {
-  const Parameter& parameter = candidate.parameter;
-  if (!parameter.relative) return short_number(candidate.change(), 3);
+  const Unknown& parameter = candidate.parameter;
+  if (!parameter.is_relative()) return short_number(candidate.change(), 3);
   return short_number(100.0 * candidate.change() / std::abs(parameter.nominal), 3) + " %";
 }
 
@@ -72,16 +72,16 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
   append_row(text, columns,
              {"parameter", "nominal", "best", "change", "left [s]", "explained", "sensitivity"});
   for (const Candidate& candidate : diagnosis.candidates) {
-    const Parameter& parameter = candidate.parameter;
+    const Unknown& parameter = candidate.parameter;
     const std::string nominal = short_number(parameter.nominal, 6);
     if (!candidate.determined) {
-      append_row(text, columns, {parameter.name, nominal, "not determined"});
+      append_row(text, columns, {parameter.key, nominal, "not determined"});
       continue;
     }
-    const int digits = parameter.quantity == Quantity::clock_rate ? 8 : 6;
+    const int digits = parameter.kind == Unknown::Kind::clock_rate ? 8 : 6;
     append_row(
         text, columns,
-        {parameter.name, nominal,
+        {parameter.key, nominal,
          short_number(candidate.value, digits) + " +- " + short_number(candidate.deviation, 2),
          change_text(candidate), short_number(candidate.scatter, 3),
          short_number(100.0 * candidate.explained, 4) + " %",

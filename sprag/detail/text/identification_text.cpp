@@ -18,9 +18,7 @@ constexpr double exact = 1e-8;  // of the usual time between impacts: below it t
 
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
-  const bool absolute = fitted.unknown.kind == Kind::phase || fitted.unknown.kind == Kind::delay ||
-                        fitted.unknown.kind == Kind::clock_offset;
-  if (fitted.unknown.nominal == 0.0 || absolute) return short_number(change, 3);
+  if (!fitted.unknown.is_relative()) return short_number(change, 3);
   if (fitted.unknown.kind == Kind::clock_rate) {
     return short_number(1e6 * change / fitted.unknown.nominal, 4) + " ppm";
   }
