@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -104,6 +105,24 @@ TEST_F(RecordedInput, ColumnsAreFoundByName) {
   EXPECT_NEAR(scene.model.forces[0].input->value(2.5), 6.25, 1e-14);
 }
 
+TEST_F(RecordedInput, BlanksAndDecimalCommasAreRead) {
+  const Scene plain = scene_of("t,a\n0,0.5\n0.1,-1\n0.2,2e-1\n0.3,1.5\n");
+  for (const char* same :
+       {"t a\n0 0.5\n0.1 -1\n0.2 2e-1\n0.3 1.5\n", "  0.0    0.5 \n  0.1   -1.0\n 0.2 0.2\n0.3 1.5",
+        "0, 0.5\n0.1, -1\n0.2, 0.2\n0.3, 1.5\n", "t\ta\n0\t0,5\n0,1\t-1\n0,2\t2e-1\n0,3\t1,5\n",
+        "t;a\n0;0,5\n0,1;-1,0\n0,2;0,2\n0,3;1,5\n", "0,0 0,5\n0,1 -1,0\n0,2 0,2\n0,3 1,5\n"}) {
+    const Scene scene = scene_of(same);
+    const SampledInput& input = *scene.model.forces[0].input;
+    EXPECT_EQ(input.sample_times(), plain.model.forces[0].input->sample_times()) << same;
+    EXPECT_EQ(input.sample_values(), plain.model.forces[0].input->sample_values()) << same;
+    const bool has_commas = std::string_view(same).find("0,5") != std::string_view::npos;
+    const bool is_said = std::ranges::any_of(scene.remarks, [](const std::string& remark) {
+      return remark == "excitation.file is read with decimal commas";
+    });
+    EXPECT_EQ(is_said, has_commas) << same;
+  }
+}
+
 TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
   expect_error("t,a\n0,0\n0.1,1\n0.05,1\n0.3,1\n",
                "base.csv:4:1: the time 0.05 is before that of the row before, 0.1; times must "
@@ -120,7 +139,7 @@ TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
   expect_error("", "base.csv: has no samples");
   // What people's files have, and import_events reads.
   for (const char* other :
-       {"0.0 1\n0.1 2\n0.2 3\n0.3 4\n", "t;a\n0,0;1\n0,1;2\n0,2;3\n0,3;4\n",
+       {"t;a\n0,0;1\n0.1;2\n0,2;3\n0,3;4\n", "t;a\n0;1,000.5\n1;1\n2;1\n3;1\n",
         "A recorder\nt,a\n0,1\n0.1,2\n0.2,3\n0.3,4\n", "t,a\ns,g\n0,1\n0.1,2\n0.2,3\n0.3,4\n"}) {
     EXPECT_NE(error_of(other).find("base.csv --record NAME --output RECORD.csv converts"),
               std::string::npos)

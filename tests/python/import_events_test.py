@@ -216,7 +216,7 @@ class ProgramTest(unittest.TestCase):
         scene = re.sub("(?m)^file = .*", 'file = "base.txt"', scene)
         scene = re.sub("(?m)^(time|acceleration) = .*\n", "", scene)
         rows = [f"{0.001 * k:.3f} {0.1 * (k % 7):.1f}" for k in range(100)]
-        self.file("base.txt", "\n".join(["# time(s), acceleration(g)", *rows]) + "\n")
+        self.file("base.txt", "\n".join(["time acceleration", "(s) (g)", *rows]) + "\n")
         command = [
             os.environ["MASTER_SIM"], self.file("rig.toml", scene), "--no-lcm", "--speed", "max",
             "--duration", "0.01",
@@ -227,10 +227,9 @@ class ProgramTest(unittest.TestCase):
             r"sprag import_events (\S+base.txt --record NAME .*csv) ", refused.stderr
         )
         self.assertTrue(advice, refused.stderr)
-        arguments = advice[1].replace("NAME", "acceleration(g)").split()
+        arguments = advice[1].replace("NAME", "acceleration").split()
         done = self.run_import(*arguments)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("named by the comment # time(s), acceleration(g)", done.stderr)
         self.file("rig.toml", scene.replace("base.txt", "RECORD.csv"))
         accepted = subprocess.run(command, capture_output=True, text=True, cwd=self.folder)
         self.assertEqual(accepted.returncode, 0, accepted.stderr)

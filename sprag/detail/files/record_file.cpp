@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string_view>
 
 #include "sprag/detail/files/csv.h"
@@ -24,6 +25,28 @@ std::string_view without_blanks_or_quotes(std::string_view field) {
   return field.substr(first, field.find_last_not_of(" \t\"'") - first + 1);
 }
 
+// Whether a line's commas are decimal ones between columns separated by blanks, as in "0,25 1,5".
+bool is_blank_separated(std::string_view line) {
+  const auto digit = [&](std::size_t i) {
+    return i < line.size() && line[i] >= '0' && line[i] <= '9';
+  };
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    if (line[i] == ',' && !(i > 0 && digit(i - 1) && digit(i + 1))) return false;
+  }
+  const auto first = line.find_first_not_of(' ');
+  const auto last = line.find_last_not_of(' ');
+  return first != std::string_view::npos &&
+         line.substr(first, last - first).find(' ') != std::string_view::npos;
+}
+
+// Separator of a file's columns by its first line; ' ': any number of blanks.
+char separator_of(std::string_view line) {
+  for (const char separator : {';', '\t'}) {
+    if (line.find(separator) != std::string_view::npos) return separator;
+  }
+  return is_blank_separated(line) ? ' ' : ',';
+}
+
 class RecordReader {
  public:
   RecordReader(const std::string& file, std::string_view text)
@@ -38,12 +61,14 @@ class RecordReader {
   void split();
   std::size_t column_of(const std::string& name, const char* key) const;
   void choose_columns(const RecordColumns& columns);
-  double number(std::size_t column) const;
+  std::optional<double> parse(std::string_view field);
+  double number(std::size_t column);
   void check_gaps(const Record& record) const;
 
   TextLines lines_;
   std::string remedy_;  ///< for a file that is not in the form of a record
   char separator_ = ',';
+  char mark_ = 0;  // decimal point or comma, once a number has one
   bool header_ = false;
   std::vector<std::string_view> fields_;
   std::vector<std::string> names_;
@@ -54,6 +79,14 @@ class RecordReader {
 void RecordReader::split() {
   fields_.clear();
   std::string_view line = lines_.line();
+  if (separator_ == ' ') {
+    for (auto begin = line.find_first_not_of(' '); begin != std::string_view::npos;) {
+      const std::size_t end = std::min(line.find(' ', begin), line.size());
+      fields_.push_back(line.substr(begin, end - begin));
+      begin = line.find_first_not_of(' ', end);
+    }
+    return;
+  }
   while (true) {
     const std::size_t end = line.find(separator_);
     fields_.push_back(line.substr(0, end));
@@ -77,7 +110,7 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
   for (const std::string_view field : fields_) {
     names_.emplace_back(without_blanks_or_quotes(field));
   }
-  header_ = !parse_double(fields_.front()).has_value();
+  header_ = !parse(fields_.front()).has_value();
   if (!columns.time.empty()) time_ = column_of(columns.time, "time");
   if (!columns.signal.empty()) {
     signal_ = column_of(columns.signal, "of the signal");
@@ -87,7 +120,8 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
     lines_.fail(
         "has " + std::to_string(count_) +
         (count_ == 1
-             ? " column; must have a time and a signal, separated by ',', ';' or tab" + remedy_
+             ? " column; must have a time and a signal, separated by ',', ';', tab or blanks" +
+                   remedy_
              : " columns; the scene must name the signal's column, as in "
                "acceleration = \"" +
                    names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
@@ -97,10 +131,22 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
   }
 }
 
-double RecordReader::number(std::size_t column) const {
+// A number with the same decimal mark as those before.
+std::optional<double> RecordReader::parse(std::string_view field) {
+  if (separator_ == ',') return parse_double(field);
+  const std::size_t at = field.find_first_of(".,");
+  if (at == std::string_view::npos) return parse_double(field);
+  if (mark_ != 0 && field[at] != mark_) return std::nullopt;
+  std::string with_point(field);
+  with_point[at] = '.';
+  const auto value = parse_double(with_point);
+  if (value) mark_ = field[at];
+  return value;
+}
+
+double RecordReader::number(std::size_t column) {
   const std::string_view field = fields_[column];
-  const auto value = parse_double(field);
-  if (value) return *value;
+  if (const auto value = parse(field)) return *value;
   if (field.find_first_not_of(" \t") == std::string_view::npos) {
     lines_.fail(field,
                 "a field is empty; must be a number (a gap in the record cannot be interpolated)");
@@ -134,9 +180,7 @@ void RecordReader::check_gaps(const Record& record) const {
 
 Record RecordReader::read(const RecordColumns& columns) {
   if (!next()) lines_.fail_whole("has no samples");
-  separator_ = lines_.line().find(';') != std::string_view::npos    ? ';'
-               : lines_.line().find('\t') != std::string_view::npos ? '\t'
-                                                                    : ',';
+  separator_ = separator_of(lines_.line());
   split();
   choose_columns(columns);
   Record record;
@@ -165,6 +209,7 @@ Record RecordReader::read(const RecordColumns& columns) {
                       std::to_string(fewest_samples));
   }
   check_gaps(record);
+  record.decimal_commas = mark_ == ',';
   return record;
 }
 

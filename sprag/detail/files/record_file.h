@@ -1,6 +1,7 @@
 // Reads a recorded signal from a text file: a header line with the names of the columns, then rows
-// of numbers, separated by commas, semicolons or tabs. Lines that begin with # or % are comments.
-// A file of two columns may have no header.
+// of numbers, separated by commas, semicolons, tabs or blanks. Numbers may have decimal commas if
+// commas do not separate. Lines that begin with # or % are comments. A file of two columns may have
+// no header.
 #pragma once
 
 #include <filesystem>
@@ -16,7 +17,8 @@ struct RecordColumns {
 
 struct Record {
   std::vector<double> t, values;
-  std::string column;  ///< name of the signal's column; empty without a header
+  std::string column;           ///< name of the signal's column; empty without a header
+  bool decimal_commas = false;  ///< the numbers have decimal commas
 };
 
 /// Throws SceneError (scene_file.h), "FILE:LINE:COLUMN: message", for times that do not increase,

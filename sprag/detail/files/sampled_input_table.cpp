@@ -107,6 +107,7 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
     settings.name = table.required_string("file");
     columns.time = table.string_or("time", "");
     record = read_record(table, columns);
+    if (record.decimal_commas) table.remark("file", "is read with decimal commas");
     for (double& value : record.values) value *= unit;
   } else {
     std::tie(record, settings.name) = read_samples(table);
