@@ -202,8 +202,8 @@ inline void fill(Random& random, health_t& message) {
   for (std::int64_t& count : message.refused) count = random_count(random);
 }
 
-/// Changes one to four places of a message behind its type hash: a byte, a number of four bytes
-/// that may be a length, or the length of the whole.
+/// Changes an encoded message, except its type hash, in one to four places: a byte, a number of
+/// four bytes that may be a length, or the length of the whole.
 inline void mutate(Random& random, std::vector<std::uint8_t>& bytes) {
   for (int changes = random.integer(1, 4); changes > 0 && bytes.size() > 12; --changes) {
     const auto at = static_cast<std::size_t>(random.integer(8, static_cast<int>(bytes.size()) - 4));
