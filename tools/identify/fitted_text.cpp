@@ -6,6 +6,7 @@
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/identification/fitted_tolerance.h"
+#include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 
@@ -101,16 +102,14 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
     case Kind::restitution: {
       if (unknown.index >= 0) break;
       // Contacts with a restitution of their own keep it unless it is written as well.
-      bool is_factor = false;
       for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
         const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
         if (text.has(own)) text.set(own, fitted.model.contacts[i].restitution);
-        is_factor = is_factor ||
-                    scene.model.contacts[i].restitution != scene.model.contacts.front().restitution;
       }
       const std::string common = "impact.restitution";
       if (!text.has(common)) return;
-      text.set(common, is_factor ? of.value * text.number(common, 0.0) : of.value);
+      const bool one = has_one_restitution(scene.model);
+      text.set(common, one ? of.value : of.value * text.number(common, 0.0));
       return;
     }
     case Kind::damping:

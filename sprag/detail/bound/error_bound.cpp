@@ -100,10 +100,7 @@ bool law_is_masters(const Model& model) {
 
 bool law_is_monotone(const Model& model) {
   if (model.contacts.size() <= 1) return true;
-  return model.law == ImpactLaw::poisson &&
-         std::all_of(model.contacts.begin(), model.contacts.end(), [&](const Contact& contact) {
-           return contact.restitution == model.contacts.front().restitution;
-         });
+  return model.law == ImpactLaw::poisson && has_one_restitution(model);
 }
 
 ErrorBound::ErrorBound(const Flows& flows)

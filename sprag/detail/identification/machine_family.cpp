@@ -5,6 +5,7 @@
 #include <complex>
 #include <limits>
 
+#include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/parameters/scene_with.h"
 
@@ -90,9 +91,7 @@ MachineFamily::MachineFamily(const Scene& scene, std::vector<Unknown> unknowns)
     C_ = C_.diagonal().eval();
     K_ = K_.diagonal().cwiseMax(0.0).eval();
   }
-  for (const Contact& contact : model.contacts) {
-    if (contact.restitution != model.contacts.front().restitution) restitutions_differ_ = true;
-  }
+  restitutions_differ_ = !has_one_restitution(model);
   const auto m = static_cast<Eigen::Index>(model.contacts.size());
   W_.resize(f, m);
   for (Eigen::Index i = 0; i < m; ++i) {

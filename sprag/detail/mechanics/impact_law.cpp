@@ -74,6 +74,12 @@ bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y
 
 }  // namespace
 
+bool has_one_restitution(const Model& model) {
+  return std::all_of(model.contacts.begin(), model.contacts.end(), [&](const Contact& contact) {
+    return contact.restitution == model.contacts.front().restitution;
+  });
+}
+
 ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest) {
   // Cholesky factorization row by row. A row without a pivot is dropped.
   std::array<int, max_contacts> index{};

@@ -34,6 +34,9 @@ enum class Solved {
   dependent  ///< G is singular within rounding: the contacts' directions are linearly dependent
 };
 
+/// Whether all contacts have the same restitution.
+bool has_one_restitution(const Model& model);
+
 /// Those of `rest` whose directions are linearly independent of those of `first`, which must be
 /// independent, and of each other. Lower indices take precedence. G of all contacts, m x m.
 ContactSet independent_of(const Eigen::MatrixXd& G, ContactSet first, ContactSet rest);

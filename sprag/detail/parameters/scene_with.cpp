@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <memory>
 
+#include "sprag/detail/mechanics/impact_law.h"
+
 namespace sprag {
 namespace {
 
@@ -60,12 +62,9 @@ void set_restitution(const Scene& nominal, int index, double value, Scene& scene
     scene.model.contacts[static_cast<std::size_t>(index)].restitution = value;
     return;
   }
-  const std::vector<Contact>& given = nominal.model.contacts;
-  const bool differ = std::any_of(given.begin(), given.end(), [&](const Contact& contact) {
-    return contact.restitution != given.front().restitution;
-  });
+  const bool one = has_one_restitution(nominal.model);
   for (Contact& contact : scene.model.contacts) {
-    contact.restitution = differ ? value * contact.restitution : value;
+    contact.restitution = one ? value : value * contact.restitution;
   }
 }
 

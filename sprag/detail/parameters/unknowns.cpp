@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "sprag/detail/files/nearest_word.h"
+#include "sprag/detail/mechanics/impact_law.h"
 
 namespace sprag {
 namespace {
@@ -29,9 +30,7 @@ std::string of(const char* table, std::size_t i, const char* key) {
 
 void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
   const auto& contacts = model.contacts;
-  const bool one = std::all_of(contacts.begin(), contacts.end(), [&](const Contact& contact) {
-    return contact.restitution == contacts.front().restitution;
-  });
+  const bool one = has_one_restitution(model);
   const auto restitution = [](int index, std::string key, double nominal) {
     Unknown unknown = positive_unknown(Kind::restitution, index, std::move(key), "", nominal);
     unknown.upper_limit = 1.0;
@@ -343,14 +342,11 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
 
 std::vector<Unknown> common_unknowns(const Scene& scene) {
   std::vector<Unknown> unknowns;
-  const auto& contacts = scene.model.contacts;
-  double largest = 0.0;
-  bool differ = false;
-  for (const Contact& contact : contacts) {
-    largest = std::max(largest, contact.restitution);
-    differ = differ || contact.restitution != contacts.front().restitution;
-  }
-  if (differ) {
+  if (!has_one_restitution(scene.model)) {
+    double largest = 0.0;
+    for (const Contact& contact : scene.model.contacts) {
+      largest = std::max(largest, contact.restitution);
+    }
     unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
     unknowns.back().upper_limit = 1.0 / largest;
   }
