@@ -179,7 +179,7 @@ TEST_F(ViewProgramTest, ServesOnlyThePage) {
             std::string::npos);
   EXPECT_NE(head.find("X-Content-Type-Options: nosniff"), std::string::npos);
   EXPECT_EQ(head.find("Access-Control"), std::string::npos);
-  EXPECT_EQ(body, test::read_text(SPRAG_SOURCE_DIR "/tools/view/page/index.html"));
+  EXPECT_EQ(body, test::read_text(SPRAG_SOURCE_DIR "/python/sprag/view/page/index.html"));
   // All files that the page refers to are complete.
   for (const char* file : {"/page.js", "/page.css", "/icon.svg", "/dygraph.js", "/dygraph.css"}) {
     EXPECT_NE(body.find(file), std::string::npos) << file;
