@@ -18,15 +18,16 @@
 #include "python/src/members.h"
 
 namespace sprag::python {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-using std::chrono::milliseconds;
 
 std::optional<Key> to_key(const std::optional<std::filesystem::path>& file) {
   if (!file) return std::nullopt;
   return Key(*file);
 }
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
 
 template <typename Call>
 auto without_lock(const Call& call) {

@@ -3,7 +3,15 @@
 
 #include <pybind11/pybind11.h>
 
+#include <filesystem>
+#include <optional>
+
+#include "lcmtypes/key.h"
+
 namespace sprag::python {
+
+/// The key of a file; none without one. Throws InputError.
+std::optional<Key> to_key(const std::optional<std::filesystem::path>& file);
 
 void bind_live(pybind11::module_& module);
 

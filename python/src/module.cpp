@@ -7,6 +7,7 @@
 #include "lcmtypes/lcm_url.h"
 #include "python/src/analyses.h"
 #include "python/src/arrays.h"
+#include "python/src/bus.h"
 #include "python/src/import.h"
 #include "python/src/live.h"
 #include "python/src/machines.h"
@@ -76,4 +77,5 @@ PYBIND11_MODULE(_core, module) {
   bind_studies(module);
   bind_tolerances(module);
   bind_live(module);
+  bind_bus(module);
 }
