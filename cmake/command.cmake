@@ -1,8 +1,5 @@
 # The command `sprag` of the build tree, BUILD/sprag, which runs the programs of this build.
 set(SPRAG_PROGRAM_TARGETS master_sim observer sync_logger check_scene listen diagnose identify reduce)
-if(TARGET view)
-  list(APPEND SPRAG_PROGRAM_TARGETS view)
-endif()
 # Multi-configuration generators have one folder per configuration.
 set(SPRAG_PROGRAM_FOLDERS)
 foreach(folder master_sim observer tools)
@@ -14,7 +11,4 @@ endforeach()
 list(JOIN SPRAG_PROGRAM_FOLDERS " " SPRAG_PROGRAM_FOLDERS)
 set(SPRAG_SCENES ${CMAKE_INSTALL_DATADIR}/sprag/scenes)
 set(SPRAG_HINT [[build it with: cmake --build $here --target $1]])
-if(NOT TARGET view)
-  string(APPEND SPRAG_HINT " (view: install what scripts/install_packages --view lists, and configure again)")
-endif()
 configure_file(command_line/sprag.in ${PROJECT_BINARY_DIR}/sprag @ONLY)

@@ -99,7 +99,7 @@ if(SPRAG_PYTHON)
   set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "${SPRAG_PYTHON_DEPENDS}")
   # The command `sprag` and the scenes; pictures and tables. Each is imported where it is used.
   set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS
-    "sprag, python3-matplotlib, python3-pandas, python3-jinja2, python3-scipy, python3-openpyxl")
+    "sprag, python3-aiohttp, python3-matplotlib, python3-pandas, python3-jinja2, python3-scipy, python3-openpyxl")
   set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-xarray, python3-mpi4py, python3-distributed, weasyprint")
   set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The package sprag for Python, and the programs in it")
 endif()

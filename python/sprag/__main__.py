@@ -15,6 +15,7 @@ PROGRAMS: dict[str, str] = {
     "report": "report",
     "study": "study",
     "tolerance": "tolerances",
+    "view": "view",
 }
 
 
