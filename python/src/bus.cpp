@@ -12,11 +12,9 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <vector>
 
 #include "lcmtypes/bus.h"
-#include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_messages.h"
 #include "lcmtypes/messages.h"
 #include "python/src/arrays.h"
@@ -28,15 +26,6 @@
 
 namespace sprag::python {
 namespace {
-
-using Bytes = std::span<const std::uint8_t>;
-
-py::bytes to_bytes(Bytes data) { return {reinterpret_cast<const char*>(data.data()), data.size()}; }
-
-Bytes from_bytes(const py::bytes& bytes) {
-  const auto text = static_cast<std::string_view>(bytes);
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
-}
 
 template <class Message>
 Refusal check_as(Bytes data) {
@@ -91,43 +80,6 @@ class Receiver {
  private:
   Bus bus_;
   py::list messages_;
-};
-
-class Log {
- public:
-  Log(const std::filesystem::path& file, const std::optional<std::filesystem::path>& key)
-      : reader_(file), key_(to_key(key)) {}
-
-  py::tuple next() {
-    while (reader_.next(record_)) {
-      appended_ |= record_.appended;
-      Bytes data(record_.data);
-      if (key_ && !key_->verifies(record_.channel, data)) {
-        ++unauthenticated;
-        continue;
-      }
-      if (key_) data = data.first(data.size() - Key::tag_size);
-      const bool first = record_.channel == contacts_channel && std::exchange(appended_, false);
-      return py::make_tuple(record_.channel, to_bytes(data), record_.utime, first);
-    }
-    throw py::stop_iteration();
-  }
-
-  py::list damages() const {
-    py::list result;
-    for (const LogDamage& damage : reader_.damages()) {
-      result.append(py::make_tuple(damage.begin, damage.end, damage.what));
-    }
-    return result;
-  }
-
-  std::int64_t unauthenticated = 0;
-
- private:
-  ChannelLogReader reader_;
-  std::optional<Key> key_;
-  ChannelRecord record_;
-  bool appended_ = false;  // no contact message since an appended recording began
 };
 
 // Follows one master, as an observer does, and merges its messages into one list of events.
@@ -218,16 +170,6 @@ void bind_bus(py::module_& module) {
            "The messages that have arrived: channel, data, arrival [us].")
       .def_property_readonly("refused", &Receiver::refused)
       .def_property_readonly("overflowed", &Receiver::overflowed);
-
-  py::class_<Log>(module, "_Log",
-                  "The messages of an LCM log: channel, data, arrival [us], whether it is the "
-                  "first contact message of an appended recording.")
-      .def(py::init<const std::filesystem::path&, const std::optional<std::filesystem::path>&>(),
-           py::arg("file"), py::arg("key"))
-      .def("__iter__", [](const py::object& self) { return self; })
-      .def("__next__", &Log::next)
-      .def_property_readonly("damages", &Log::damages, "Damaged parts: first byte, end, what.")
-      .def_readonly("unauthenticated", &Log::unauthenticated);
 
   py::class_<ContactFollower>(module, "_ContactFollower")
       .def(py::init<const Scene&, bool, bool>(), py::arg("scene"), py::arg("fresh"),

@@ -78,4 +78,5 @@ PYBIND11_MODULE(_core, module) {
   bind_tolerances(module);
   bind_live(module);
   bind_bus(module);
+  bind_recordings(module);
 }

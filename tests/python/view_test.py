@@ -1,8 +1,12 @@
 """What the page of `view` is sent: the content of the messages, by session, and who is answered."""
 
+import asyncio
+import contextlib
+import io
 import json
 import math
 import os
+import struct
 import tempfile
 import unittest
 import warnings
@@ -13,11 +17,15 @@ import numpy as np
 import sprag
 from multidict import CIMultiDict
 from sprag._command import UsageError
+from sprag._core import _open_recording
 from sprag.view.history import Window
 from sprag.view.machine import DrawnMachine, longest_period
 from sprag.view.messages import encoded
+from sprag.view.replay import Player
 from sprag.view.server import Client, Stage, endpoint_of, is_loopback, refusal, text_of
 from sprag.view.watch import Watch
+
+from support import write_events
 
 SCENES = Path(os.environ["SPRAG_SOURCE_DIR"]) / "scenes"
 # Two carriages, the second between springs and a stop.
@@ -145,6 +153,9 @@ class WatchTest(unittest.TestCase):
             self.take("SETTLED", estimate(k, q, math.inf, from_filter=0))
             self.assertAlmostEqual(self.frame()["penetration"], max(-0.1 - q, 0.0), delta=1e-15)
         self.assertEqual(self.curves(pixels=1000)["penetrating"], [0.03, 0.05, 0.07, None])
+        for i in range(1, 5):
+            self.take("CONTACTS", contacts(0.0, i, session=9), 2.0 + 1e-9 * i)
+        self.assertEqual(self.curves(pixels=1000)["penetrating"], [], "of the session before")
 
     def test_badge_names_the_source_of_the_estimate(self):
         self.assertEqual(self.frame()["badge"], "waiting")
@@ -298,6 +309,136 @@ class InputTest(unittest.TestCase):
         self.assertEqual(watch.of_others, 1)
 
 
+def log_of(messages):
+    """An LCM log of (channel, data, arrival [us]), in the format of lcm-logger."""
+    log = b""
+    for number, (channel, data, utime) in enumerate(messages):
+        head = struct.pack(">IqqII", 0xEDA1DA01, number, utime, len(channel), len(data))
+        log += head + channel.encode() + data
+    return log
+
+
+class ReplayTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.scene = sprag.parse_scene(CARRIAGES, "two_carriages.toml")
+        self.said = io.StringIO()
+
+    def events(self, duration=20.0):
+        return sprag.simulate(self.scene, duration, tick=0.0).events
+
+    def play(self, name, scene=None, key=None):
+        """The watch after a replay without pauses, its verdict and its report."""
+        scene, report, stage = scene or self.scene, {}, Stage(speed=math.inf)
+        options = SimpleNamespace(replay=str(self.folder / name), key=key, speed=math.inf)
+        options.tick = 0.01
+        player = Player(scene, options)
+        watch = Watch(scene, machine_time=not player.is_log)
+
+        def receive(channel, data, now, utime, appended):
+            watch.take(channel, data, now, utime, appended)
+
+        with contextlib.redirect_stderr(self.said):
+            whole = asyncio.run(player.play(watch, receive, stage, report))
+        watch.settle()
+        return watch, whole, report
+
+    def messages(self, events):
+        """Contact messages of a master that has these events."""
+        write_events(self.folder / "events.csv", events)
+        opened = _open_recording(self.folder / "events.csv", self.scene, None, 0.0)
+        return [(channel, data, utime) for channel, data, utime, _ in opened]
+
+    def test_events_and_logs_without_estimates_are_observed(self):
+        events = self.events()
+        (self.folder / "run.lcmlog").write_bytes(log_of(self.messages(events)))
+        end = float(events["t"][-1])
+        seen = sprag.observe(self.scene, events, end, tick=0.01)
+        for name in ("events.csv", "run.lcmlog"):
+            watch, whole, report = self.play(name)
+            self.assertTrue(whole)
+            self.assertTrue(report["observed_here"])
+            self.assertEqual(watch.settled["tick"], len(seen.t) - 1)
+            np.testing.assert_array_equal(watch.settled["q"], seen.q[-1])
+            np.testing.assert_array_equal(watch.settled["sigma_g"], seen.sigma_gap[-1])
+            self.assertEqual(watch.closures[0].events, len(events))
+            np.testing.assert_allclose(watch.closures[0].last, end)
+        self.assertEqual(self.said.getvalue(), "")
+
+    def test_a_log_with_estimates_is_not_observed(self):
+        messages = [*self.messages(self.events()), ("SPRAG_SETTLED", estimate(9, 0.1, 0.01), 0)]
+        (self.folder / "run.lcmlog").write_bytes(log_of(messages))
+        watch, _, report = self.play("run.lcmlog")
+        self.assertFalse(report["observed_here"])
+        self.assertIsNone(watch.settled, "of another session")
+
+    def test_events_that_the_filter_refuses_are_marked(self):
+        events = self.events()
+        spurious = events[-3:-2].copy()
+        spurious["t"] += 0.4 * (events["t"][-2] - events["t"][-3])
+        events = np.sort(np.concatenate([events, spurious]), order="t")
+        seen = sprag.observe(self.scene, events, float(events["t"][-1]), tick=0.01)
+        self.assertTrue(seen.inconsistencies)
+        self.messages(events)
+        watch, _, _ = self.play("events.csv")
+        self.assertEqual(
+            [(s["t"], s["contact"], s["suspicion"]) for s in watch.suspects],
+            [(one.t, one.contact, one.reason) for one in seen.inconsistencies],
+        )
+
+    def test_a_streamed_excitation_is_that_of_the_log(self):
+        text = (SCENES / "swept_beam.toml").read_text()
+        text = text.replace('"records/', f'"{SCENES}/records/')
+        streamed = text.replace(
+            'interpolation = "spline"',
+            'interpolation = "linear"\noutside = "hold"\nstream = true',
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            self.scene = sprag.parse_scene(streamed)
+        messages = self.messages(np.array([(0.1, 1, 3)], sprag.event_dtype))
+        (self.folder / "run.lcmlog").write_bytes(log_of(messages))
+        self.assertIsNone(self.play("run.lcmlog")[0].settled, "waits for samples")
+        of = {"session": 1, "t0": 0.0, "dt": 0.002, "channels": 1, "n": 75, "total": 75}
+        sample = encoded("input_t", **of, value=[0.1] * 75 + [0.0] * 75)
+        messages += [("SPRAG_INPUT", sample, 100_000)]
+        (self.folder / "run.lcmlog").write_bytes(log_of(messages))
+        self.assertEqual(self.play("run.lcmlog")[0].settled["t"], 0.1)
+        self.assertEqual(self.play("events.csv")[0].settled["t"], 0.1, "of the scene's record")
+
+    def test_damage_is_reported_and_the_rest_is_used(self):
+        events = self.events()
+        log = log_of(self.messages(events))
+        (self.folder / "run.lcmlog").write_bytes(log[:5000] + bytes(900) + log[5900:])
+        watch, whole, report = self.play("run.lcmlog")
+        self.assertFalse(whole)
+        self.assertGreater(watch.settled["t"], events["t"][-2])
+        self.assertEqual(len(report["damage"]), 1)
+        self.assertIn("run.lcmlog: from byte ", self.said.getvalue())
+        (self.folder / "events.csv").write_text("t,contact,closed\n1,1,1\n1,1,0\n2,1,x\n3,1,1\n")
+        watch, whole, report = self.play("events.csv")
+        self.assertFalse(whole)
+        self.assertEqual(watch.closures[0].events, 1)
+        self.assertEqual(report["damage"][0]["from"], 4)
+        self.assertIn("events.csv:4: ", self.said.getvalue())
+        (self.folder / "events.csv").write_text("t,contact,closed\n1,1,1\n1,1,1\n2,1,0\n")
+        _, whole, report = self.play("events.csv")
+        self.assertTrue(whole)
+        self.assertEqual(report["skipped_rows"], 1)
+        self.assertIn("events.csv:3: skipped: ", self.said.getvalue())
+
+    def test_a_key_admits_signed_messages_only(self):
+        key = self.folder / "key"
+        key.write_text(32 * "5a" + "\n")
+        key.chmod(0o600)
+        (self.folder / "run.lcmlog").write_bytes(log_of(self.messages(self.events())))
+        watch, _, report = self.play("run.lcmlog", key=key)
+        self.assertIsNone(watch.session)
+        self.assertGreater(report["unauthenticated"], 900)
+
+
 # Two beam elements with deflections and rotations.
 ELEMENTS = """
 [system]
@@ -349,6 +490,28 @@ class MachineTest(unittest.TestCase):
         self.assertEqual(len(DrawnMachine(self.coupled(-1.0)).names), 14, "masses and springs")
         self.assertEqual(DrawnMachine(self.coupled(1.0)).names, ["contact 1"])
 
+    def test_a_shaken_frame_is_drawn_by_its_displacements(self):
+        K = 4.0 * np.eye(6) + np.eye(6, k=1) + np.eye(6, k=-1)
+        text = f"""
+[system]
+M = {np.eye(6).tolist()}
+C = {np.zeros((6, 6)).tolist()}
+K = {K.tolist()}
+[excitation]
+amplitude = 0.1
+frequency = 3.0
+influence = [1, 0, 1, 0, 0, 0]
+[impact]
+restitution = 0.5
+[[contact]]
+direction = [0, 0, 0, 0, 1, 0]
+clearance = 0.1
+"""
+        machine = DrawnMachine(sprag.parse_scene(text))
+        self.assertEqual((machine.kind, machine.names), ("chain", ["q1", "q3", "q5"]))
+        self.assertEqual(machine.stops[0]["across"], machine.places[2])
+        self.assertEqual(machine.shape(np.arange(1.0, 7.0), 0.0), [1.0, 3.0, 5.0])
+
     def test_a_beam_touches_its_stop_at_zero_gap(self):
         random = np.random.default_rng(3)
         for name in ("two_stops_beam", "steel_ruler"):
@@ -386,6 +549,7 @@ class ClientTest(unittest.TestCase):
         first = following()
         self.assertEqual((first["n"], first["scene"]["name"]), (1, "two_carriages"))
         self.assertEqual(first["frame"]["settled"]["q"][1], 0.1)
+        self.assertEqual(first["frame"]["session"], "5")
         self.assertIsNone(first["frame"]["bound"], "infinite")
         self.assertIn("curves", first)
         self.assertNotIn("scene", following())
@@ -393,13 +557,16 @@ class ClientTest(unittest.TestCase):
         self.assertFalse(client.wants(), "it has seen none of three")
         for nonsense in ("", "{", "[1]", "7", '{"seen": "x"}', '{"seen": -1}', '{"seen": 1e99}'):
             client.receive(nonsense)
+        client.receive('{"view": 3}')
         client.receive('{"view": {"from": 2, "to": 1}}')
         self.assertFalse(client.wants())
-        client.receive('{"seen": 3, "view": {"from": 0, "to": 0.02, "pixels": 1e9}}')
+        client.receive('{"seen": 3, "view": {"from": 0.005, "to": 0.02, "pixels": 1e9}}')
         client.receive('{"view": {"quantity": "q2"}}')
         self.assertTrue(client.wants())
         zoomed = following()["curves"]
-        self.assertEqual((zoomed["to"], zoomed["quantity"]), (0.02, "q2"))
+        self.assertEqual((zoomed["from"], zoomed["to"]), (0.005, 0.02))
+        self.assertEqual(zoomed["quantity"], "q2")
+        self.assertAlmostEqual(zoomed["estimate"]["mean"][0], 0.1, delta=1e-6)
         client.receive('{"view": {"window": 2}}')
         self.assertEqual(following()["curves"]["to"], 0.01 + 2.0, "it fills from the left")
 
@@ -418,7 +585,9 @@ class RulesTest(unittest.TestCase):
         here = "127.0.0.1:8080"
         self.assertEqual(self.status("GET", "/", here), 200)
         self.assertEqual(self.status("HEAD", "/index.html", "localhost:8080"), 200)
-        for host in ("evil.example:8080", "127.0.0.1", "127.0.0.1:80", f"{here}.evil", "", None):
+        # A foreign name that resolves to this host, or a name with only the right beginning.
+        foreign = ["evil.example:8080", "127.0.0.1", "127.0.0.1:80", f"{here}.evil", f"{here} "]
+        for host in (*foreign, "localhost", "localhost:80800", "", None):
             self.assertEqual(self.status("GET", "/", host), 403, host)
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "CONNECT", "get"):
             self.assertEqual(self.status(method, "/", here), 405, method)
@@ -429,9 +598,11 @@ class RulesTest(unittest.TestCase):
         here = "127.0.0.1:8080"
         self.assertEqual(self.status("GET", "/stream", here, f"http://{here}", True), 200)
         self.assertEqual(self.status("GET", "/stream", here, f"http://{here}"), 426)
-        for origin in ("http://evil.example", "null", "http://localhost:8080", f"https://{here}"):
+        foreign = ["http://evil.example", "http://127.0.0.1:8081", f"https://{here}"]
+        for origin in (*foreign, "null", "http://localhost:8080", f"http://{here}/"):
             self.assertEqual(self.status("GET", "/stream", here, origin, True), 403, origin)
         self.assertEqual(self.status("GET", "/stream", here, None, True), 403)
+        self.assertEqual(self.status("POST", "/stream", here, f"http://{here}", True), 405)
 
     def test_addresses_are_read_in_common_forms(self):
         for text, read in (
@@ -442,7 +613,15 @@ class RulesTest(unittest.TestCase):
             ("[::1]:80", "[::1]:80"),
         ):
             self.assertEqual(text_of(*endpoint_of(text)), read)
-        for text in ("", "127.0.0.1", "127.0.0.1:", "127.0.0.1:65536", "127.0.0.1:-1", "::1:80"):
+        for text in (
+            "",
+            "127.0.0.1",
+            "127.0.0.1:",
+            "127.0.0.1:65536",
+            "127.0.0.1:-1",
+            "::1:80",
+            "x",
+        ):
             with self.assertRaises(UsageError, msg=text):
                 endpoint_of(text)
         self.assertTrue(is_loopback("127.0.0.1"))

@@ -93,7 +93,7 @@ def _run(options: Namespace, report: dict[str, Any]) -> int:
 async def _serve(scene: Any, options: Namespace, report: dict[str, Any]) -> int:
     from .. import _core
     from .messages import CHANNELS
-    from .replay import Player, is_lcm_log
+    from .replay import Player
     from .server import RATE, Server, Stage, is_loopback, text_of
     from .watch import Watch
 
@@ -102,10 +102,10 @@ async def _serve(scene: Any, options: Namespace, report: dict[str, Any]) -> int:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) != signal.SIG_IGN:
             loop.add_signal_handler(number, stopped.set)
-    bus = None
+    bus = player = None
     if options.replay:
-        of_events = not is_lcm_log(options.replay)  # reports an unreadable file at once
-        watch = Watch(scene, machine_time=of_events)
+        player = Player(scene, options)
+        watch = Watch(scene, machine_time=not player.is_log)
         stage = Stage(speed=options.speed)
     else:
         try:
@@ -123,19 +123,17 @@ async def _serve(scene: Any, options: Namespace, report: dict[str, Any]) -> int:
     refused: Counter[str] = Counter()
     received = 0
 
-    def receive(channel: str, data: bytes, now: float, utime: int, appended: bool) -> float | None:
+    def receive(channel: str, data: bytes, now: float, utime: int, appended: bool) -> None:
         nonlocal received
         if channel not in CHANNELS:
-            return None
+            return
         received += 1
         if why := _core._refusal(channel, data):
             refused[why] += 1
-            return None
-        return watch.take(channel, data, now, utime, appended)
+        else:
+            watch.take(channel, data, now, utime, appended)
 
-    player: asyncio.Task[bool] | None = None
-    if not bus:
-        player = loop.create_task(Player(scene, options, watch, receive, stage).play(report))
+    play = loop.create_task(player.play(watch, receive, stage, report)) if player else None
     due, step = time.monotonic(), 0
     while not stopped.is_set():
         due = max(due + 1.0 / RATE, time.monotonic())
@@ -149,12 +147,12 @@ async def _serve(scene: Any, options: Namespace, report: dict[str, Any]) -> int:
         if server.clients or step % STEPS_UNSEEN == 0:
             watch.settle()
         server.send()
-        if player and player.done() and not stage.over:
-            player.result()  # raises its exception
+        if play and play.done() and not stage.over:
+            play.result()  # raises its exception
             stage.over = True
             print("the recording is over", file=sys.stderr, flush=True)
     watch.settle()
-    whole = player.result() if player and player.done() else True
+    whole = play.result() if play and play.done() else True
 
     counts = server.counts
     report["http"] = text_of(server.address, server.port)

@@ -109,7 +109,6 @@ class Watch:
     def _begin(self, session: int | None) -> None:
         n = len(self.quantities)
         self.session = session
-        self.sessions = getattr(self, "sessions", -1) + 1
         self.estimates, self.truths = History(3 * n), History(n)
         self.output_bands = History(3 * max(len(self.outputs), 1))
         self.guaranteed = History(2 * n)
@@ -135,14 +134,11 @@ class Watch:
 
     def take(
         self, channel: str, data: bytes, now: float, utime: int = 0, appended: bool = False
-    ) -> float | None:
-        """A valid message. Its effect is complete after settle().
-
-        Returns the horizon of a contact message of the followed session.
-        """
+    ) -> None:
+        """A valid message. Its effect is complete after settle()."""
         if channel == "SPRAG_CONTACTS":
-            return self._take_contacts(data, now, utime, appended)
-        if channel == "SPRAG_HEALTH":
+            self._take_contacts(data, now, utime, appended)
+        elif channel == "SPRAG_HEALTH":
             self.health = decoded(channel, data)
             self.arrived[channel] = now
         else:
@@ -150,7 +146,6 @@ class Watch:
             waiting.append((data, now, utime))
             if len(waiting) == MOST_WAITING:
                 self.settle()
-        return None
 
     def settle(self) -> None:
         """Takes the messages that wait, by channel: guaranteed bounds need their estimates."""
@@ -180,12 +175,12 @@ class Watch:
         self._begin(session)
         return True
 
-    def _take_contacts(self, data: bytes, now: float, utime: int, appended: bool) -> float | None:
+    def _take_contacts(self, data: bytes, now: float, utime: int, appended: bool) -> None:
         if self.session is None:
             self.settle()  # what arrived before may begin the session
         taken = self.follower.take(data, int(1e9 * now), utime, appended)
         if taken is None:
-            return None
+            return
         begins, session, self.speed, horizon, closed, events = taken
         if begins:
             self.settle()
@@ -197,7 +192,6 @@ class Watch:
                 closures.correct(i + 1 in closed, horizon)
         for t, contact, kind in events:
             self.closures[contact].add(t, kind)
-        return float(horizon)
 
     def _states(self, messages: list[bytes], of_estimates: bool) -> list[States]:
         """The messages whose machine has the scene's coordinates, or fewer for an estimate."""
