@@ -29,7 +29,8 @@ namespace sprag {
 /// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return one record for each event, in order of time. Deviations are infinite where the
 /// estimator does not know them, as before the filter is confirmed.
-/// \throws ModelError, std::invalid_argument as Observer does, also for a negative duration.
+/// \throws ModelError as Observer does.
+/// \throws std::invalid_argument as Observer does, also for a negative duration.
 /// \throws Interrupted if `stop` was requested.
 std::vector<ImpactRecord> impacts(const Scene& scene, std::span<const ContactEvent> events,
                                   double duration, const ObserverSettings& settings = {},
@@ -43,8 +44,8 @@ std::vector<ImpactRecord> impacts(const Scene& scene, std::span<const ContactEve
 /// \param settings tick and estimator.
 /// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return the prediction, without events while the filter is not confirmed.
-/// \throws ModelError, std::invalid_argument as Observer does, also for `t` or `ahead` out of
-/// range.
+/// \throws ModelError as Observer does.
+/// \throws std::invalid_argument as Observer does, also for `t` or `ahead` out of range.
 /// \throws Interrupted if `stop` was requested.
 Prediction predict(const Scene& scene, std::span<const ContactEvent> events, double t, double ahead,
                    const ObserverSettings& settings = {}, std::stop_token stop = {});

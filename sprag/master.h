@@ -83,7 +83,8 @@ class Master {
   /// \param t end.
   /// \param events receives the new events, appended in order.
   /// \return whether there was such an instant.
-  /// \throws SimulationError, Interrupted as advance() does.
+  /// \throws SimulationError as advance() does.
+  /// \throws Interrupted as advance() does.
   bool advance_once(Instant t, std::vector<ContactEvent>& events);
 
   /// \brief State at t, right-continuous.

@@ -162,7 +162,8 @@ struct Estimates {
 /// \param settings tick and estimator.
 /// \param stop token by which another thread or a signal handler cancels the computation.
 /// \return estimates at the ticks from 0 to `duration`.
-/// \throws ModelError, std::invalid_argument as Observer does, also for a negative duration.
+/// \throws ModelError as Observer does.
+/// \throws std::invalid_argument as Observer does, also for a negative duration.
 /// \throws Interrupted if `stop` was requested.
 Estimates observe(const Scene& scene, std::span<const ContactEvent> events, double duration,
                   const ObserverSettings& settings = {}, std::stop_token stop = {});

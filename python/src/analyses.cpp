@@ -598,7 +598,7 @@ void bind_impacts(py::module_& module) {
       "`observer --impacts` as fields: t [s] as reported, contact (from 1), kind, from_filter; "
       "time "
       "[s], velocity_before and velocity_after (of the gap [m/s]), impulse [N s], each with its "
-      "standard deviation sigma_..., inf where unknown; and for releases (the field sustained) "
+      "standard deviation `sigma_NAME`, inf where unknown; and for releases (the field sustained) "
       "force_begin, force_end, force_largest [N] and force_impulse [N s] of the contact that ends, "
       "else nan. Raises ModelError or ValueError.");
   value_class<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
