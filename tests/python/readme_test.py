@@ -66,5 +66,13 @@ class ReadmeTest(unittest.TestCase):
                 self.assertTrue(printed)
 
 
+class FrontPageTest(unittest.TestCase):
+    def test_python_prints_what_cpp_prints(self):
+        text = (SOURCE / "README.md").read_text(encoding="utf-8")
+        block = re.search(r"^```python\n(.*?)^```", text, flags=re.M | re.S)[1]
+        expected = re.search(r"^Both print\n\n```\n(.*?)^```", text, flags=re.M | re.S)[1]
+        self.assertEqual(run(block), (expected, []))
+
+
 if __name__ == "__main__":
     unittest.main()
