@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -48,11 +47,8 @@ Estimation::Estimation(const Scene& given, const ObserverOptions& options, std::
       length(length_scale(of.scene.model, of.scene.prior.start)),
       contacts(static_cast<int>(of.scene.model.contacts.size())),
       coordinates(of.scene.model.coordinates()),
-      // The bound is valid only with the right model.
-      initial_bound(options.estimator == EstimatorKind::adaptive
-                        ? std::numeric_limits<double>::infinity()
-                        : sprag::initial_bound(of.scene)),
-      adaptive(options.estimator == EstimatorKind::adaptive),
+      initial_bound(options.estimator == EstimatorKind::adaptive ? infinity
+                                                                 : sprag::initial_bound(of.scene)),
       estimator(of.scene, options.tick, options.estimator, options.stepper),
       time_line(estimator, contacts, of.scene.prior.start, history),
       stream(of.input ? std::make_unique<InputStream>(of, *estimator.flows(), time_line) : nullptr),
@@ -79,7 +75,7 @@ EstimateSample Estimation::empty_sample() const {
   sample.q.setZero(coordinates);
   sample.u.setZero(coordinates);
   sample.confidence = estimator.no_confidence();
-  if (guarantee && !adaptive) guarantee->prepare(sample.confidence);
+  if (guarantee) guarantee->prepare(sample.confidence);
   return sample;
 }
 
@@ -103,9 +99,7 @@ void Estimation::name_known_loss(Confidence& confidence) const {
 void Estimation::describe(const State& state, bool settled, EstimateSample& sample) {
   note(state, sample);
   estimator.output(state, sample.q, sample.u);
-  const bool complete = time_line.complete_to(sample.t);
-  estimator.confidence(state, complete ? initial_bound : std::numeric_limits<double>::infinity(),
-                       sample.confidence);
+  estimator.confidence(state, sample.confidence);
   if (guarantee) {
     guarantee->complete(time_line, sample.t, settled, estimator, state, sample.q, sample.u,
                         sample.confidence);

@@ -59,12 +59,12 @@ struct Estimation {
   double length;  ///< length_scale() [m]
   int contacts;
   Eigen::Index coordinates;
-  double initial_bound;  ///< B(0)
-  bool adaptive;         ///< parameters are identified during the run, so no bound is valid
+  double
+      initial_bound;  ///< B(0); infinite for `adaptive`, whose machine may differ from the scene's
   TrackingEstimator estimator;
   TimeLine<TrackingEstimator> time_line;
   std::unique_ptr<InputStream> stream;   ///< null: the excitation is not streamed
-  std::unique_ptr<Guarantee> guarantee;  ///< null without tolerances, or without a replica
+  std::unique_ptr<Guarantee> guarantee;  ///< null if no bound holds
 };
 
 }  // namespace sprag

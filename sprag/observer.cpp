@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "sprag/confidence.h"
-#include "sprag/detail/bound/error_bound.h"
 #include "sprag/detail/bound/guarantee.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
@@ -61,14 +60,12 @@ class Observer::Core {
         outputs_(scene.model.outputs),
         estimator_(scene, settings.tick, settings.estimator, settings.stepper),
         time_line_(estimator_, contacts_, scene.prior.start, history),
-        initial_bound_(settings.estimator == EstimatorKind::adaptive ? infinity
-                                                                     : initial_bound(scene)),
         confidence_(estimator_.no_confidence()),
         q_(scene.model.coordinates()),
         u_(scene.model.coordinates()) {
     guarantee_ = guarantee_of(scene, estimator_);
     if (guarantee_) {
-      if (settings.estimator != EstimatorKind::adaptive) guarantee_->prepare(confidence_);
+      guarantee_->prepare(confidence_);
       time_line_.set_lag(guarantee_->lag());
     }
     time_line_.restart(0, 0, 0, no_horizon);
@@ -101,8 +98,7 @@ class Observer::Core {
     std::vector<Estimate> estimates;
     const auto ignore = [](const auto&) {};
     const auto take = [&](const State& state) {
-      const bool complete = time_line_.complete_to(time_of(state.tick));
-      estimates.push_back(estimate(state, true, complete ? initial_bound_ : infinity));
+      estimates.push_back(estimate(state, true));
       settled_ = state;
       identify_now(estimator_, state, identified_);
       return true;
@@ -124,7 +120,7 @@ class Observer::Core {
       if (stop.stop_requested()) throw Interrupted();
       step_ahead();
     }
-    return estimate(*ahead_, false, infinity);
+    return estimate(*ahead_, false);
   }
 
   void set_end(double t) {
@@ -184,9 +180,9 @@ class Observer::Core {
     estimator_.tick(events, *ahead_);
   }
 
-  Estimate estimate(const State& state, bool settled, double bound) {
+  Estimate estimate(const State& state, bool settled) {
     estimator_.output(state, q_, u_);
-    estimator_.confidence(state, bound, confidence_);
+    estimator_.confidence(state, confidence_);
     const double t = time_of(state.tick);
     if (guarantee_) {
       guarantee_->complete(time_line_, t, settled, estimator_, state, q_, u_, confidence_);
@@ -232,7 +228,6 @@ class Observer::Core {
   std::vector<Output> outputs_;
   TrackingEstimator estimator_;
   TimeLine<TrackingEstimator> time_line_;
-  double initial_bound_;
   AdaptationResult identified_;
   Confidence confidence_;
   std::unique_ptr<Guarantee> guarantee_;

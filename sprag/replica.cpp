@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -18,10 +17,7 @@ constexpr int max_switchings = 1000;
 Replica::Replica(Model model, double h) : Replica(std::make_shared<Flows>(std::move(model)), h) {}
 
 Replica::Replica(std::shared_ptr<Flows> flows, double h)
-    : flows_(std::move(flows)),
-      h_(h),
-      solver_(*flows_, DependentContacts::share),
-      error_bound_(*flows_) {
+    : flows_(std::move(flows)), h_(h), solver_(*flows_, DependentContacts::share) {
   build_foreseeable(*flows_);
   flight_ = TickedFlight((*flows_)[0], h);
   const auto m = index(flows_->dynamics().contacts());
@@ -41,7 +37,6 @@ void Replica::start(const sprag::State& start, std::int64_t k, ContactSet chi,
   state.innovation = {};
   if (recorder_ != nullptr) recorder_->start();
   solver_.start(start, tick_instant(k, h_), state.motion);
-  error_bound_.start(state.motion, chi, state.error_bound);
   if (chi != 0) {
     std::fill(epsilon_.begin(), epsilon_.end(), 0.0);
     const Collision collision = solver_.collide(chi, epsilon_, chi, 0, state.motion);
@@ -117,7 +112,6 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
     if (event.kind == ContactEventKind::closes) epsilon_[index(event.contact)] = 0.0;
   }
   std::fill(order_.begin(), order_.end(), 0);
-  error_bound_.event(before, closing, state.chi, epsilon_, state.motion, state.error_bound);
   if (closing == 0) {
     release(before & ~state.chi, 0, state);
     return;
@@ -177,14 +171,6 @@ void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
   });
 }
 
-double Replica::error_bound(const ReplicaState& state, double initial) {
-  if (!error_bound_.guaranteed() || state.refused_impacts > 0) {
-    return std::numeric_limits<double>::infinity();
-  }
-  return error_bound_.bound(state.error_bound, initial, tick_instant(state.tick, h_),
-                            state.chi == 0);
-}
-
 // Moves with the exact flow to t, through the clutches' own switchings.
 void Replica::advance(Instant t, ReplicaState& state) {
   Motion& motion = state.motion;
@@ -242,11 +228,6 @@ Confidence Replica::no_confidence() const {
   Confidence confidence;
   confidence.has_replica = true;
   return confidence;
-}
-
-void Replica::confidence(const ReplicaState& state, double initial, Confidence& confidence) {
-  note(state, confidence);
-  confidence.bound = std::isfinite(initial) ? error_bound(state, initial) : infinity;
 }
 
 void Replica::note(const ReplicaState& state, Confidence& confidence) const {

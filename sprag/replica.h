@@ -17,7 +17,6 @@
 
 #include "sprag/confidence.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/bound/error_bound.h"
 #include "sprag/detail/estimates/impact_record.h"
 #include "sprag/detail/mechanics/contact_solver.h"
 #include "sprag/detail/mechanics/event_search.h"
@@ -40,7 +39,6 @@ struct ReplicaState {
   ContactSet idle = 0;
   Redundancy redundancy;             ///< closings of contacts that depend on locked ones
   std::int64_t refused_impacts = 0;  ///< contradictory contacts: no motion satisfies all of them
-  ErrorBoundState error_bound;       ///< since the start
   Innovation innovation;             ///< at the last closing
 };
 
@@ -133,8 +131,7 @@ class Replica {
   void output(const ReplicaState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u) const;
 
-  /// \brief Makes a Confidence with room for the results of confidence(), which then does not
-  /// allocate.
+  /// \brief Makes a Confidence with room for the results of note(), which then does not allocate.
   /// \return the Confidence.
   Confidence no_confidence() const;
   /// \brief Fills in all fields except the bound: the innovation at the last closing, redundant and
@@ -142,11 +139,6 @@ class Replica {
   /// \param state the state.
   /// \param confidence receives the fields.
   void note(const ReplicaState& state, Confidence& confidence) const;
-  /// \brief Fills in all fields.
-  /// \param state the state.
-  /// \param initial bound on V at the start; infinite: not known.
-  /// \param confidence receives the fields.
-  void confidence(const ReplicaState& state, double initial, Confidence& confidence);
 
   /// \brief Records each event from now on, with unknown error. Only one state of the replica may
   /// be moved then, and never back.
@@ -166,12 +158,6 @@ class Replica {
   /// \return the stepper.
   const TickedFlight& flight() const { return flight_; }
 
-  /// \brief Upper bound on the error energy V at the tick, for exact and complete events.
-  /// \param state the state.
-  /// \param initial bound on V at the start.
-  /// \return the bound; infinite if the machine's law is not monotone or an impact was refused.
-  double error_bound(const ReplicaState& state, double initial);
-
  private:
   void tick_through(std::span<const ContactEvent> events, ReplicaState& state);
   void advance(Instant t, ReplicaState& state);
@@ -185,7 +171,6 @@ class Replica {
   std::shared_ptr<Flows> flows_;
   double h_;
   ContactSolver solver_;
-  ErrorBound error_bound_;
   EventSearch search_;
   TickedFlight flight_;
   ImpactRecorder* recorder_ = nullptr;

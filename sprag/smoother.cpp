@@ -263,7 +263,7 @@ std::vector<SmoothedStretch> smooth(
       stretches.back().to = t;
     } else {
       again.output(at_tick, estimate.q, estimate.u);
-      again.confidence(at_tick, infinity, confidence);
+      again.confidence(at_tick, confidence);
     }
     estimate.sigma_q = confidence.sigma_q;
     estimate.sigma_u = confidence.sigma_u;

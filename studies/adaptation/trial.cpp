@@ -233,7 +233,7 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
     master.advance(t, drawn);
     master.state(t, q_m, u_m);
     adaptive.output(state, q, u);
-    adaptive.confidence(state, std::numeric_limits<double>::infinity(), confidence);
+    adaptive.confidence(state, confidence);
     Tick tick{.t = t.hi, .V = energy(q_m, u_m, q, u)[0]};
     tick.of_filter = confidence.from_filter;
     tick.energy = 0.5 * (machine.model.M.diagonal().dot(confidence.sigma_u.cwiseAbs2()) +

@@ -145,7 +145,7 @@ void row(benchmark::State& run) {
   Confidence confidence = filter.no_confidence();
   for ([[maybe_unused]] auto _ : run) {
     filter.tick({}, state);
-    filter.confidence(state, 1.0, confidence);
+    filter.confidence(state, confidence);
     benchmark::ClobberMemory();
   }
 }

@@ -74,7 +74,7 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
   };
   const auto on_sample = [&](Eigen::Index sample) {
     estimator.output(state, q, u);
-    estimator.confidence(state, infinity, confidence);
+    estimator.confidence(state, confidence);
     const Eigen::VectorXd off_q = q - truth.q.col(sample);
     const Eigen::VectorXd off_u = u - truth.u.col(sample);
     const double now = or_infinity(energy(truth.q.col(sample), truth.u.col(sample), q, u)[0]);

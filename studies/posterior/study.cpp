@@ -97,7 +97,7 @@ void follow(const Scene& given, const calibration::Truth& truth,
       return;
     }
     ++sums.of.instants;
-    filter.confidence(state, infinity, confidence);
+    filter.confidence(state, confidence);
     sigma << confidence.sigma_q, confidence.sigma_u;
     for (Eigen::Index i = 0; i < 2 * f; ++i) {
       sums.of.filter.add(mean[i] - x[i], sigma[i]);

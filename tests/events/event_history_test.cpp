@@ -268,37 +268,34 @@ TEST(EventHistory, ARestartForgetsEventsAndKeepsCounts) {
 }
 
 TEST(EventHistory, SkippedRecordsAreAGap) {
-  const auto complete_to = [](double horizon, const Events& events) {
+  const auto whole_to = [](double horizon, const Events& events) {
     EventHistory history = started();
-    EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
     for (const ContactEvent& event : events) history.add(event);
     history.set_horizon(horizon);
-    EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
+    EXPECT_TRUE(history.degraded().empty());
     return history;
   };
   // Not after the watermark: settled ticks stay final.
-  EventHistory late = complete_to(3.0, {{1.0, 0, closes}});
+  EventHistory late = whole_to(3.0, {{1.0, 0, closes}});
   late.add(ContactEvent{2.0, 1, pulse});
-  EXPECT_EQ(late.complete_to(), 3.0);
+  EXPECT_EQ(late.degraded().back().from, 3.0);
   // Backwards without a watermark: incomplete from its own time.
-  EventHistory backwards = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
+  EventHistory backwards = whole_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
   backwards.add(ContactEvent{2.0, 1, pulse});
-  EXPECT_EQ(backwards.complete_to(), 2.0);
+  EXPECT_EQ(backwards.degraded().back().from, 2.0);
   // Contradicting: incomplete since the contact's last event.
-  EventHistory again = complete_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
+  EventHistory again = whole_to(no_horizon, {{1.0, 0, closes}, {4.0, 1, pulse}});
   again.add(ContactEvent{5.0, 0, closes});
-  EXPECT_EQ(again.complete_to(), 1.0);
+  EXPECT_EQ(again.degraded().back().from, 1.0);
   ASSERT_EQ(again.degraded().size(), 1U);
   EXPECT_EQ(again.degraded()[0].to, 5.0);
   EXPECT_EQ(again.last_skipped(Skip::contradicting), (ContactEvent{5.0, 0, closes}));
-  EventHistory unknown = complete_to(no_horizon, {{1.0, 0, closes}});
+  EventHistory unknown = whole_to(no_horizon, {{1.0, 0, closes}});
   unknown.add(ContactEvent{5.0, 7, closes});
-  EXPECT_EQ(unknown.complete_to(), 5.0);
+  EXPECT_EQ(unknown.degraded().back().from, 5.0);
   EventHistory beyond = started();
   beyond.add(report_of({{1.0, 0, pulse}, {3.0, 0, pulse}}, 2, 2.0, 0));
-  EXPECT_EQ(beyond.complete_to(), 0.0);
-  beyond.restart(0, 0, no_horizon);
-  EXPECT_EQ(beyond.complete_to(), infinity);
+  EXPECT_EQ(beyond.degraded().back().from, 0.0);
 }
 
 // The number of gaps is limited; further gaps extend the last one.
@@ -320,9 +317,9 @@ TEST(EventHistory, AGapBelongsToItsSession) {
   history.add(report_of({{4.0, 0, pulse}}, 8, 6.0, 0));
   history.restart(0, 0, no_horizon);
   history.add(report_of({{1.0, 0, pulse}}, 1, 1.0, 0));
-  EXPECT_EQ(history.complete_to(), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(history.degraded().size(), 1U);
   history.add(report_of({{1.0, 0, pulse}, {2.0, 0, pulse}}, 9, 2.5, 0));
-  EXPECT_EQ(history.complete_to(), 1.0);
+  EXPECT_EQ(history.degraded().back().from, 1.0);
   EXPECT_EQ(history.degraded().size(), 2U);
 }
 

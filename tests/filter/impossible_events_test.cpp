@@ -77,11 +77,14 @@ template <Estimator E>
 std::string not_a_number(E& estimator, const typename E::State& state, Confidence& confidence,
                          Eigen::VectorXd& q, Eigen::VectorXd& u) {
   estimator.output(state, q, u);
-  estimator.confidence(state, 4.0, confidence);
+  if constexpr (requires { estimator.confidence(state, confidence); }) {
+    estimator.confidence(state, confidence);
+  } else {
+    estimator.note(state, confidence);
+  }
   const auto bad = [](const Eigen::VectorXd& x) { return x.array().isNaN().any(); };
   if (!q.allFinite()) return "q";
   if (!u.allFinite()) return "u";
-  if (std::isnan(confidence.bound)) return "B";
   if (bad(confidence.sigma_q) || bad(confidence.sigma_u) || bad(confidence.sigma_g)) return "sigma";
   if (std::isnan(confidence.replica.gap) || std::isnan(confidence.filter.gap) ||
       std::isnan(confidence.filter.deviation)) {

@@ -68,7 +68,7 @@ TEST_P(JitteredChatter, IsNotOverconfident) {
       while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
       both.tick(std::span(events).subspan(first, next - first), state);
       both.output(state, q, u);
-      both.confidence(state, std::numeric_limits<double>::infinity(), confidence);
+      both.confidence(state, confidence);
       for (Eigen::Index i = 0; i < f; ++i) {
         if (!std::isfinite(confidence.sigma_q[i])) continue;
         const auto now = static_cast<std::size_t>(k);

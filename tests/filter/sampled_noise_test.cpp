@@ -90,7 +90,7 @@ void follow(const NoisyRattle& trial, const Scene& given, double duration, Nees&
     estimator.tick(events, state);
     if (k < 300) continue;  // the start no longer matters
     estimator.output(state, q, u);
-    estimator.confidence(state, infinity, confidence);
+    estimator.confidence(state, confidence);
     nees.add(q - q_m, confidence.sigma_q);
     nees.add(u - u_m, confidence.sigma_u);
   }

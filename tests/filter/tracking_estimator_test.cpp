@@ -390,7 +390,7 @@ TEST(TrackingEstimator, ReportsUnobservableScaleOfUnforcedMachine) {
       both.tick(events, state);
     }
     Confidence confidence = both.no_confidence();
-    both.confidence(state, 0.0, confidence);
+    both.confidence(state, confidence);
     return confidence;
   };
   scene.prior.jitter = 1e-4;
@@ -428,7 +428,7 @@ TEST(TrackingEstimator, AcceptsAnyEvents) {
     run_time_line(filter, scene, events, events.back().t, false, [&](const auto& state) {
       Eigen::VectorXd q(scene.model.coordinates()), u(scene.model.coordinates());
       filter.output(state, q, u);
-      filter.confidence(state, 1.0, confidence);
+      filter.confidence(state, confidence);
       finite = finite && q.allFinite() && u.allFinite() && !confidence.sigma_q.hasNaN();
     });
     EXPECT_TRUE(finite) << "machine " << machine;
@@ -450,7 +450,7 @@ TEST(TrackingEstimator, RollbacksDoNotChangeEstimates) {
     Confidence confidence = filter.no_confidence();
     run_time_line(filter, given, events, 30.0, late, [&](const auto& state) {
       settled.first.add(filter, state, 3);
-      filter.confidence(state, 0.5, confidence);
+      filter.confidence(state, confidence);
       settled.second.push_back(confidence);
     });
     return settled;

@@ -44,7 +44,7 @@ void expect_not_taken_for_another(const std::string& name, bool reported_start) 
     both.output(state, q, u);
     const double V = energy(q_m, u_m, q, u)[0];
     if (k > 3000) largest = std::max(largest, V);
-    both.confidence(state, std::numeric_limits<double>::infinity(), confidence);
+    both.confidence(state, confidence);
     for (Eigen::Index i = 0; i < f; ++i) {
       worst = std::max({worst, std::abs(q[i] - q_m[i]) / confidence.sigma_q[i],
                         std::abs(u[i] - u_m[i]) / confidence.sigma_u[i]});

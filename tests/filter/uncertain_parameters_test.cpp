@@ -197,7 +197,7 @@ void observe(const Scene& scene, const Drawn& drawn, Observed& observed) {
   Confidence confidence = estimator.no_confidence();
   run(estimator, scene, drawn, ticks, state, [&](std::int64_t k) {
     estimator.output(state, q, u);
-    estimator.confidence(state, infinity, confidence);
+    estimator.confidence(state, confidence);
     if (k < first_tick) return;
     observed.state.add(q - drawn.q.col(k), confidence.sigma_q);
     observed.state.add(u - drawn.u.col(k), confidence.sigma_u);
@@ -354,7 +354,7 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
           k + delay, [](const auto&) {},
           [&](const TrackingState& state) {
             estimator.output(state, q, u);
-            estimator.confidence(state, infinity, confidence);
+            estimator.confidence(state, confidence);
             for (const Eigen::VectorXd* x :
                  {&std::as_const(q), &std::as_const(u), &std::as_const(confidence.sigma_q),
                   &std::as_const(confidence.parameters.values)}) {

@@ -84,10 +84,12 @@ Run run_stepper(const Scene& scene, std::vector<ContactEvent> events, double T,
     estimator.output(state, q, u);
     run.q.push_back(q / units.of_length(1.0));
     run.u.push_back(u / units.of_velocity(1.0));
-    if (!confidence.has_filter) continue;
-    estimator.confidence(state, 1.0, confidence);
-    run.q.push_back(confidence.sigma_q / units.of_length(1.0));
-    run.u.push_back(confidence.sigma_u / units.of_velocity(1.0));
+    if constexpr (requires { estimator.confidence(state, confidence); }) {
+      if (!confidence.has_filter) continue;
+      estimator.confidence(state, confidence);
+      run.q.push_back(confidence.sigma_q / units.of_length(1.0));
+      run.u.push_back(confidence.sigma_u / units.of_velocity(1.0));
+    }
   }
   return run;
 }

@@ -174,7 +174,7 @@ TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
           k + 5, [](const auto&) {},
           [&](const TrackingState& state) {
             estimator.output(state, q, u);
-            estimator.confidence(state, 1.0, confidence);
+            estimator.confidence(state, confidence);
             Row& row = rows.emplace_back(q.begin(), q.end());
             row.insert(row.end(), u.begin(), u.end());
             const auto& parameters = confidence.parameters;
@@ -223,11 +223,11 @@ TEST(TrackingEstimator, IdentifiesJumpingParametersAgain) {
     identify_now(estimator, state, result);
     estimator.tick(std::span(events).subspan(first, next - first), state);
     if (k == 1999) {
-      estimator.confidence(state, 1.0, confidence);
+      estimator.confidence(state, confidence);
       before = confidence.parameters.values[0];
     }
   }
-  estimator.confidence(state, 1.0, confidence);
+  estimator.confidence(state, confidence);
   EXPECT_NEAR(before, 0.7, 1e-9);
   EXPECT_TRUE(confidence.from_filter);
   EXPECT_NEAR(confidence.parameters.values[0], 0.55, 1e-9);

@@ -57,7 +57,7 @@ std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEven
     }
     Row row{k, Eigen::VectorXd(3), Eigen::VectorXd(3), {}, false};
     estimator.output(state, row.q, row.u);
-    estimator.confidence(state, 1.0, confidence);
+    estimator.confidence(state, confidence);
     row.values = confidence.parameters.values;
     row.of_filter = confidence.from_filter;
     rows.push_back(row);

@@ -76,7 +76,7 @@ TEST_P(ObserverTest, EqualsTimeLineWithPromptReports) {
           estimate.q.resize(scene_.model.coordinates());
           estimate.u.resize(scene_.model.coordinates());
           estimator.output(state, estimate.q, estimate.u);
-          estimator.confidence(state, 0.0, confidence);
+          estimator.confidence(state, confidence);
           estimate.closed = state.chi;
           estimate.of_filter = confidence.from_filter;
           estimate.sigma_q = confidence.sigma_q;
@@ -167,7 +167,7 @@ TEST(Observer, RefusesLateEventsWithMessage) {
   EXPECT_TRUE(observer.take({6.0, 0, ContactEventKind::opens})) << "it contradicts, seen later";
   observer.set_horizon(7.0);
   const std::vector<Estimate> settled = observer.settle();
-  EXPECT_TRUE(std::isinf(settled.back().bound));
+  EXPECT_GT(settled.back().bound, scene.prior.uncertainty.sum()) << "events may be missing";
   EXPECT_EQ(observer.counts().of(Skip::contradicting), 1);
   EXPECT_EQ(observer.counts().of(Skip::unknown_contact), 1);
   EXPECT_EQ(observer.counts().events, 0);

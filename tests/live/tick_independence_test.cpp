@@ -67,7 +67,7 @@ std::vector<Estimate> estimates(const Scene& scene, std::vector<ContactEvent> ev
     one.u.resize(f);
     estimator.output(state, one.q, one.u);
     one.confidence = estimator.no_confidence();
-    estimator.confidence(state, 1.0, one.confidence);
+    estimator.confidence(state, one.confidence);
   }
   return all;
 }

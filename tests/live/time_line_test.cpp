@@ -483,8 +483,6 @@ TYPED_TEST(TimeLineTest, StartsAfterDistantHorizon) {
     typename TestFixture::Run run(h, 30);
     run.line.restart(reports_at({t}, {}, 2).front());
     EXPECT_EQ(run.line.now(), t < 100.001 ? 0 : last_tick(t, h) + 1) << t;
-    EXPECT_EQ(run.line.complete_to(t), t < 100.001);
-    EXPECT_FALSE(run.line.complete_to(t + 1.0));  // the watermark is not there yet
   }
 }
 
@@ -527,11 +525,9 @@ TYPED_TEST(TimeLineTest, ContinuesAfterForwardClockStepAndRestartsAfterBackwardO
   EXPECT_FALSE(run.line.resume(report(30.0, 0)));
   run.to(0);
   EXPECT_EQ(run.line.handed_out(), 3000);
-  EXPECT_TRUE(run.line.complete_to(30.0));
   EXPECT_TRUE(run.line.resume(report(10.0, 1)));
   EXPECT_EQ(run.line.now(), 1001);
   EXPECT_EQ(run.line.events().horizon(), 10.0);
-  EXPECT_FALSE(run.line.complete_to(10.5));
   EXPECT_TRUE(run.line.resume(report(1e6, 1)));
   EXPECT_TRUE(run.line.resume(report(1e6, 0)));
   EXPECT_EQ(run.line.now(), 100'000'001);

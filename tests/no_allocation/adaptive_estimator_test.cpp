@@ -39,7 +39,7 @@ TEST(TrackingEstimator, TicksDoNotAllocate) {
     allocations += allocations_of([&] {
       estimator.tick(std::span(events).subspan(first, next - first), state);
       estimator.output(state, q, u);
-      estimator.confidence(state, 1.0, confidence);
+      estimator.confidence(state, confidence);
       saved = state;
     });
     of_filter += confidence.from_filter ? 1 : 0;

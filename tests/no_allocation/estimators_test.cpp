@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/bound/bound_tracker.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/any_replica.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_events.h"
@@ -161,7 +163,41 @@ TEST(TrackingEstimatorTick, NeverAllocatesIncludingConfidence) {
     EXPECT_GT(state.inconsistencies, 0);
     Confidence confidence = filter.no_confidence();
     EXPECT_EQ(confidence.sigma_outputs.size(), 2);
-    EXPECT_EQ(allocations_of([&] { filter.confidence(state, 1.0, confidence); }), 0);
+    EXPECT_EQ(allocations_of([&] { filter.confidence(state, confidence); }), 0);
+  }
+}
+
+// With exact events and within tolerances, in the second of two runs: the first meets all locked
+// sets.
+TEST(BoundTrackerTick, NeverAllocates) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
+    for (const double tolerance : {0.0, 1e-6}) {
+      SCOPED_TRACE(std::string(name) + ", tolerance " + std::to_string(tolerance));
+      Scene scene = shipped_scene(name);
+      scene.prior.tolerance.time = scene.prior.tolerance.stiffness = tolerance;
+      const Drive drive = shipped(name);
+      Replica replica(scene, drive.h);
+      BoundTracker tracker(scene, replica.flows(), drive.h);
+      EventHistory history(replica.flows().dynamics().contacts(), drive.events.size());
+      history.restart(0, 0, no_horizon);
+      for (const ContactEvent& event : drive.events) history.add(event);
+      history.set_horizon(infinity);
+      const State& start = scene.prior.start;
+      long allocations = 0;
+      double least = infinity;
+      for (int run = 0; run < 2; ++run) {
+        tracker.start(0, 0);
+        CountAllocations counting;
+        for (std::int64_t k = 0; k <= drive.ticks(); ++k) {
+          const double t = tick_instant(k, drive.h).hi;
+          tracker.follow(history, t);
+          least = std::min(least, tracker.bound(history, t, start.q, start.u));
+        }
+        allocations = counting.stop();
+      }
+      EXPECT_EQ(allocations, 0);
+      EXPECT_LT(least, infinity);
+    }
   }
 }
 

@@ -81,7 +81,11 @@ void expect_no_allocation(const Scene& scene) {
     slot->tick = state.tick;
     slot->closed = state.chi;
     estimator.output(state, slot->q, slot->u);
-    estimator.confidence(state, 1.0, slot->confidence);
+    if constexpr (requires { estimator.confidence(state, slot->confidence); }) {
+      estimator.confidence(state, slot->confidence);
+    } else {
+      estimator.note(state, slot->confidence);
+    }
     queue.push();
     return true;
   };

@@ -31,7 +31,7 @@ Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double
   ConfidenceRecord record;
   std::ostringstream out;
   run_time_line(estimator, scene, events, end, false, [&](const auto& state) {
-    estimator.confidence(state, 0.5, confidence);
+    estimator.confidence(state, confidence);
     record.note(tick_instant(state.tick, 1e-2).hi, confidence, out);
     record.conclude(confidence, 0.5);
   });

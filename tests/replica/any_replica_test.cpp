@@ -26,7 +26,6 @@ void expect_same(StepperKind stepper) {
   AnyReplica::State state, other;
   typed.start(scene.prior.start, 0, 0, typed_state);
   any.start(scene.prior.start, 0, 0, state);
-  const double bound = initial_bound(scene);
   Confidence expected = typed.no_confidence(), actual = any.no_confidence();
   EXPECT_EQ(actual.has_replica, expected.has_replica);
   EXPECT_EQ(actual.has_filter, expected.has_filter);
@@ -46,9 +45,9 @@ void expect_same(StepperKind stepper) {
     any.output(state, q, u);
     typed.output(typed_state, expected_q, expected_u);
     ASSERT_TRUE(same_bits(q, expected_q) && same_bits(u, expected_u)) << "tick " << k;
-    any.confidence(state, bound, actual);
-    typed.confidence(typed_state, bound, expected);
-    ASSERT_EQ(actual.bound, expected.bound);
+    any.note(state, actual);
+    typed.note(typed_state, expected);
+    ASSERT_EQ(actual.replica.gap, expected.replica.gap);
   }
 }
 

@@ -75,7 +75,7 @@ class IdentifyingAdaptive : public TrackingEstimator {
 inline void deviations(TrackingEstimator& estimator, const TrackingState& state, Eigen::VectorXd& q,
                        Eigen::VectorXd& u, Eigen::VectorXd& gaps) {
   Confidence confidence = estimator.no_confidence();
-  estimator.confidence(state, infinity, confidence);
+  estimator.confidence(state, confidence);
   q = confidence.sigma_q;
   u = confidence.sigma_u;
   gaps = confidence.sigma_g;

@@ -9,11 +9,6 @@
 namespace sprag {
 namespace {
 
-// Generous estimate of a state's rounding from one event to the next.
-constexpr double state_rounding = 64.0 * machine_epsilon;
-// An event at exactly t + delta counts, for any rounding of the sum.
-constexpr double sum_rounding = 4.0 * machine_epsilon;
-
 // Whether an impact on one contact does not change the other's gap velocity.
 bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
   return std::abs(G(a, b)) <= 1e-12 * std::sqrt(G(a, a) * G(b, b));
@@ -32,8 +27,8 @@ bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
 
 }  // namespace
 
-struct BoundTracker::Impact {
-  ContactSet before = 0, closing = 0, leaving = 0, after = 0;
+struct BoundTracker::Impact : ImpactContacts {
+  ContactSet leaving = 0;
   int contact = -1;  // of a single event; -1: several
   ContactEventKind kind = ContactEventKind::pulse;
   std::size_t count = 0;
@@ -49,6 +44,7 @@ BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
       contraction_(flows, scene.prior.tolerance),
       defect_(metric_, scene.prior.tolerance),
       cap_(metric_, scene.prior.tolerance),
+      remainder_(metric_),
       first_order_(metric_, defect_, flows[0], scene.prior.tolerance),
       use_first_order_(settings.first_order && first_order_.exists()),
       replica_(std::shared_ptr<Flows>(std::shared_ptr<void>(), &flows), h),
@@ -74,6 +70,7 @@ void BoundTracker::start(std::int64_t k, ContactSet chi) {
   failed_ = !law_;
   const double t = state_.motion.t.hi;
   metric_.enter(start_.q, start_.u, modal_);
+  remainder_.start(state_.motion, modal_, chi);
   const double start_b = std::sqrt(initial_);
   W_ = cap_holds_ ? cap_.from_distance(start_b, modal_, 0.0) : infinity;
   if (k != 0 && cap_holds_) W_ = cap_.at_any_later_time(W_);
@@ -97,7 +94,7 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   const double reach = std::min(t, known_up_to(events));
   if (reach < followed_) return;
   followed_ = reach;
-  const double last = reach + tolerance_.time + sum_rounding * std::abs(reach);
+  const double last = reach + tolerance_.time + time_rounding * std::abs(reach);
   const std::span<const ContactEvent> all(events.events());
   const auto first =
       static_cast<std::size_t>(std::max<std::int64_t>(consumed_ - events.dropped(), 0));
@@ -201,6 +198,7 @@ BoundTracker::Impact BoundTracker::impact_of(std::span<const ContactEvent> of_on
   for (const ContactEvent& event : of_one_instant) {
     impact.after = sprag::after(impact.after, event);
     (event.kind == ContactEventKind::opens ? impact.leaving : impact.closing) |= bit(event.contact);
+    if (event.kind == ContactEventKind::closes) impact.staying |= bit(event.contact);
   }
   impact.contact = of_one_instant.front().contact;
   impact.kind = of_one_instant.front().kind;
@@ -227,23 +225,23 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   const Impact impact = impact_of(of_one_instant);
   const double delta = tolerance_.time;
   const double opens = impact.t - delta;
-  state_.error_bound.remainder = 0.0;
   if (opens >= since_ && opens >= lost_until_ && !failed_) {
     advance(opens);
     cluster_.begin(b_, impact.t);
   } else {
     first_order_.stop();
   }
+  if (state_.chi == 0 && at(impact.t) - state_.motion.t > 0.0) {
+    state_.motion.flow->propagate(state_.motion, at(impact.t), state_.motion);
+  }
+  take_state(impact.t);
+  const double remainder = remainder_.of(impact, state_.motion, modal_);
   if (failed_ || b_ == infinity) {
     take_unbounded(of_one_instant);
     return;
   }
   cluster_.close_windows(opens);
   ++cluster_.events;
-  if (state_.chi == 0 && at(impact.t) - state_.motion.t > 0.0) {
-    state_.motion.flow->propagate(state_.motion, at(impact.t), state_.motion);
-  }
-  take_state(impact.t);
   if (first_order_.active()) first_order_.arrive(modal_, impact.t);
   const double speed_before = speed(metric_, modal_);
   const double density = defect_.any() ? defect_.node(modal_, impact.t, false).density : 0.0;
@@ -260,7 +258,7 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
     defect = std::max(density, after) + defect_.lipschitz() * 2.0 * delta * fastest;
     cluster_.R += 2.0 * delta * (defect + defect_.lipschitz() * rho);
   }
-  cluster_.rounding += state_.error_bound.remainder;
+  cluster_.rounding += remainder;
   if (!alone) {
     first_order_.stop();
     joint(impact, rho, speed_before, speed(metric_, modal_));
@@ -340,7 +338,7 @@ void BoundTracker::add(const Impact& impact, const EventCost& cost) {
   cluster_.E += factors_.E * cost.E;
   const bool simple = impact.kind == ContactEventKind::pulse && impact.count == 1;
   if (!cluster_.add({.end = impact.t + tolerance_.time,
-                     .J = in_ * factors_.J * cost.J,
+                     .J = tolerance_.time > 0.0 ? in_ * factors_.J * cost.J : 0.0,
                      .approach = cost.approach,
                      .contact = impact.count == 1 ? impact.contact : -1,
                      .simple = simple && impact.before == 0})) {
@@ -401,12 +399,7 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
     jumps += other.J;
     ++pairs;
   }
-  ContactVector gamma(std::popcount(taking_part));
-  Eigen::Index row = 0;
-  for_each(taking_part, [&](int i) {
-    const bool locked = contains(before_.flow->locked(), i);
-    gamma[row++] = locked ? 0.0 : value(before_.flow->gap_velocity(i), before_);
-  });
+  const ContactVector gamma = gap_velocities(taking_part, before_);
   const Eigen::MatrixXd& G = metric_.dynamics().G();
   const double reach = distance_to_rest(G, taking_part, gamma) + delta * before + rho;
   const double epsilon = largest_restitution(metric_.dynamics().model());
@@ -437,7 +430,7 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
 double BoundTracker::bound(const EventHistory& events, double t, const Eigen::VectorXd& q,
                            const Eigen::VectorXd& u) {
   const double known = known_up_to(events);
-  if (failed_ || t < followed_ || t > known + sum_rounding * std::abs(known)) return infinity;
+  if (failed_ || t < followed_ || t > known + time_rounding * std::abs(known)) return infinity;
   double b = infinity;
   if (b_ < infinity && t <= since_) {
     b = b_ + cluster_.open_J(t);
@@ -456,7 +449,7 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
   }
   // Rounding of the replica's state. The root of its energy grows by the forces alone.
   const double since_event = std::max(t - since_, 0.0) + 2.0 * tolerance_.time;
-  const double moving = std::sqrt(state_.error_bound.energy) + metric_.push() * since_event;
+  const double moving = std::sqrt(remainder_.energy()) + metric_.push() * since_event;
   return square(out_ * (b + state_rounding * (b + moving)));
 }
 

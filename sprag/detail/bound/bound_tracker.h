@@ -34,6 +34,7 @@
 #include "sprag/detail/bound/event_cost.h"
 #include "sprag/detail/bound/first_order_bound.h"
 #include "sprag/detail/bound/flight_contraction.h"
+#include "sprag/detail/bound/impact_remainder.h"
 #include "sprag/detail/bound/model_defect.h"
 #include "sprag/detail/events/event_history.h"
 #include "sprag/replica.h"
@@ -53,9 +54,9 @@ struct BoundSettings {
 
 class BoundTracker {
  public:
-  /// For a scene with tolerances; `flows` are the machine's and must outlive this. B(0) is the sum
-  /// of the scene's `uncertainty`. Without one the machine is assumed to be within
-  /// DissipationCap::ultimate() at the start. Throws ModelError.
+  /// For a scene with tolerances, which may be zero; `flows` are the machine's and must outlive
+  /// this. B(0) is the sum of the scene's `uncertainty`. Without one the machine is assumed to be
+  /// within DissipationCap::ultimate() at the start. Throws ModelError.
   BoundTracker(const Scene& scene, Flows& flows, double h, const BoundSettings& settings = {});
   BoundTracker(const BoundTracker&) = delete;
   BoundTracker& operator=(const BoundTracker&) = delete;
@@ -125,6 +126,7 @@ class BoundTracker {
   ToleratedContraction contraction_;
   ModelDefect defect_;
   DissipationCap cap_;
+  ImpactRemainder remainder_;
   FirstOrderBound first_order_;
   bool use_first_order_ = false;
   Replica replica_;

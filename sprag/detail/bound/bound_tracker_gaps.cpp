@@ -15,15 +15,16 @@ constexpr double gap_step_share = 0.4;  // distance of nodes as a share of 1 / |
 
 }  // namespace
 
-// Passes the gaps up to t. Within a gap, widened by the tolerance on both sides, b is unknown,
-// unless exactly one impact was lost.
+// Passes the gaps that begin before t. Within a gap, widened by the tolerance on both sides, b is
+// unknown, unless exactly one impact was lost. At the beginning of a gap b is still known: the lost
+// events are later.
 void BoundTracker::pass_gaps(const EventHistory& events, double t, double next_event) {
   const std::vector<DegradedInterval>& gaps = events.degraded();
   while (gap_ < gaps.size()) {
     const DegradedInterval& gap = gaps[gap_];
     if (gap.start == events.start()) {
       const double from = gap.from - tolerance_.time;
-      if (from > t) return;
+      if (from >= t) return;
       if (gap.one_pulse && can_miss_one(gap)) {
         if (gap.from >= next_event) return;
         miss_one(gap);

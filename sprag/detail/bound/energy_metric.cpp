@@ -127,6 +127,10 @@ void EnergyMetric::accelerate(const Motion& motion, ModalState& state) const {
            [&](int i) { state.acceleration += value(motion.flow->force(i), motion) * W_.col(i); });
 }
 
+double energy(const EnergyMetric& metric, const ModalState& state) {
+  return 0.5 * (metric.omega().cwiseProduct(state.z).squaredNorm() + state.v.squaredNorm());
+}
+
 double speed(const EnergyMetric& metric, const ModalState& state) {
   return std::sqrt(0.5 * (metric.omega().cwiseProduct(state.v).squaredNorm() +
                           state.acceleration.squaredNorm()));

@@ -83,6 +83,9 @@ class EnergyMetric {
   double omega_max_ = 0.0, damping_ = 0.0, push_ = 0.0, jerk_ = 0.0, support_step_ = 0.0;
 };
 
+/// |x|^2 of a state.
+double energy(const EnergyMetric& metric, const ModalState& state);
+
 /// |x'| of a state: the speed of its path in the energy norm.
 double speed(const EnergyMetric& metric, const ModalState& state);
 

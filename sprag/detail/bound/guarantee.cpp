@@ -1,6 +1,8 @@
 #include "sprag/detail/bound/guarantee.h"
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -19,14 +21,14 @@ bool contradicts(const Eigen::VectorXd& difference, const Eigen::VectorXd& sigma
 Guarantee::Guarantee(const Scene& scene, Flows& flows, double h)
     : tracker_(scene, flows, h),
       widths_(tracker_.metric()),
-      can_be_finite_(why_no_bound(scene).empty()) {
+      has_widths_(scene.prior.tolerance.any() && why_no_bound(scene).empty()) {
   dq_.setZero(dynamics().coordinates());
   du_ = q_replica_ = u_replica_ = dq_;
   dg_.setZero(dynamics().contacts());
 }
 
 void Guarantee::prepare(Confidence& confidence) const {
-  if (!can_be_finite_) return;
+  if (!has_widths_) return;
   confidence.bound_q.setConstant(widths_.q().size(), infinity);
   confidence.bound_g.setConstant(widths_.gaps().size(), infinity);
   confidence.bound_outputs.setConstant(widths_.outputs().size(), infinity);
@@ -80,6 +82,17 @@ void Guarantee::set_widths(const Eigen::VectorXd& q_replica, const Eigen::Vector
     const double apart = output.direction.dot(output.velocity ? du_ : dq_);
     confidence.bound_outputs[i] = half_width(widths_.outputs()[i], B) + std::abs(apart);
   }
+}
+
+double initial_bound(const Scene& scene) {
+  const Prior& prior = scene.prior;
+  const std::vector<Force>& forces = scene.model.forces;
+  const bool noisy = std::any_of(forces.begin(), forces.end(), [](const Force& force) {
+    return force.input && (force.input->noise() > 0.0 || force.input->is_streamed());
+  });
+  const bool exact = prior.tolerance.any() || (prior.jitter == 0.0 && prior.drift == 0.0 &&
+                                               prior.parameters.empty() && !noisy);
+  return exact && prior.uncertainty.size() > 0 ? prior.uncertainty.sum() : infinity;
 }
 
 }  // namespace sprag

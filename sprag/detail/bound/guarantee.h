@@ -1,5 +1,5 @@
-// Guaranteed statements about an estimate: the bound B under the scene's tolerances, half-widths of
-// all shown quantities, and whether the bound refutes the filter's estimate.
+// Guaranteed statements about an estimate: the bound B and, in a scene with tolerances, half-widths
+// of all shown quantities and whether the bound refutes the filter's estimate.
 //
 // The machine is within B of the replica. If the filter's band of 5 sigma about a coordinate,
 // velocity or gap does not overlap the band of B about the replica's, the filter's claim is false.
@@ -28,8 +28,8 @@ bool contradicts(const Eigen::VectorXd& difference, const Eigen::VectorXd& sigma
 
 class Guarantee {
  public:
-  /// For a scene with tolerances and an estimator with a replica on these flows, which must outlive
-  /// this; h is its tick. Throws ModelError.
+  /// For an estimator with a replica on these flows, which must outlive this; h is its tick. Throws
+  /// ModelError.
   Guarantee(const Scene& scene, Flows& flows, double h);
 
   /// Delay of settled ticks [s]: a tick needs every event up to this much later.
@@ -41,7 +41,7 @@ class Guarantee {
     tracker_.set_end(t);
   }
 
-  /// Makes room for half-widths if the bound can be finite.
+  /// Makes room for half-widths in a scene with tolerances whose bound can be finite.
   void prepare(Confidence& confidence) const;
 
   /// Takes the events up to a settled tick at t; ticks in order.
@@ -58,11 +58,12 @@ class Guarantee {
                 const Eigen::VectorXd& u_replica, Eigen::VectorXd& q, Eigen::VectorXd& u,
                 Confidence& confidence) {
     if (settled) follow(line, t);
+    confidence.bound = settled ? tracker_.bound(line, t, q_replica, u_replica) : infinity;
+    if (!tracker_.tolerance().any()) return;
     if (starts_ != line.starts()) {
       starts_ = line.starts();
       refuted_ = false;
     }
-    confidence.bound = settled ? tracker_.bound(line, t, q_replica, u_replica) : infinity;
     check(settled, q_replica, u_replica, q, u, confidence);
     set_widths(q_replica, u_replica, q, u, confidence);
   }
@@ -84,18 +85,23 @@ class Guarantee {
 
   BoundTracker tracker_;
   HalfWidths widths_;
-  bool can_be_finite_;
+  bool has_widths_;
   bool refuted_ = false;          // the filter's estimate was refuted at the last check
   std::int64_t refutations_ = 0;  // number of times refuted_ was set
   std::int64_t starts_ = 0;
   Eigen::VectorXd dq_, du_, dg_, q_replica_, u_replica_;  // scratch
 };
 
-/// Guarantee for a scene's estimator, which must outlive it; null if the scene has no tolerances or
-/// the estimator no replica. Throws ModelError.
+/// B(0): the sum of the scene's `uncertainty`. Infinite without one. Infinite also without
+/// tolerances where anything but the start is uncertain: event times, parameters or inputs.
+double initial_bound(const Scene& scene);
+
+/// Guarantee for a scene's estimator, which must outlive it; null if the scene has neither
+/// tolerances nor a finite initial_bound(), or the estimator has no replica. Throws ModelError.
 template <typename Estimator>
 std::unique_ptr<Guarantee> guarantee_of(const Scene& scene, Estimator& estimator) {
-  if (!scene.prior.tolerance.any() || !estimator.has_replica()) return nullptr;
+  if (!estimator.has_replica()) return nullptr;
+  if (!scene.prior.tolerance.any() && initial_bound(scene) == infinity) return nullptr;
   return std::make_unique<Guarantee>(scene, *estimator.flows(), estimator.h());
 }
 

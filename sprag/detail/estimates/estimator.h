@@ -21,15 +21,14 @@ namespace sprag {
 ///    apply(events, state)             applies events of the present instant, at a start
 ///    output(state, q, u)              estimate at the present tick
 ///    no_confidence()                  a Confidence with room for all results
-///    note(state, to)                  fills in counts, innovations and from_filter, at little cost
-///    confidence(state, initial, to)   fills in everything, with deviations and bound; `initial` is
-///                                     B(0), +infinity: no bound holds
+///    note(state, to)                  fills in counts, innovations and from_filter, at little
+///    cost.
+///                                     The bound is that of guarantee.h
 template <typename E>
 concept Estimator = requires(E estimator, const E& constant, typename E::State& state,
                              const typename E::State& present, const State& start, std::int64_t k,
                              ContactSet chi, std::span<const ContactEvent> events,
-                             Eigen::Ref<Eigen::VectorXd> x, double initial,
-                             Confidence& confidence) {
+                             Eigen::Ref<Eigen::VectorXd> x, Confidence& confidence) {
   requires std::copyable<typename E::State>;
   { present.tick } -> std::convertible_to<std::int64_t>;
   { present.chi } -> std::convertible_to<ContactSet>;
@@ -40,7 +39,6 @@ concept Estimator = requires(E estimator, const E& constant, typename E::State& 
   estimator.output(present, x, x);
   { constant.no_confidence() } -> std::same_as<Confidence>;
   constant.note(present, confidence);
-  estimator.confidence(present, initial, confidence);
 };
 
 }  // namespace sprag

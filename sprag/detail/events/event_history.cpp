@@ -39,7 +39,6 @@ void EventHistory::restart(std::int64_t next_record, ContactSet chi, double hori
   last_t_ = std::max(horizon, 0.0);
   last_of_.fill(last_t_);
   horizon_ = horizon;
-  complete_to_ = std::numeric_limits<double>::infinity();
   ++start_;
 }
 
@@ -70,7 +69,6 @@ void EventHistory::degrade(double from, double to, bool one_pulse) {
   from = std::isnan(from) ? horizon_ : from;
   from = std::max({from, horizon_, 0.0});
   to = to > from ? to : from;
-  complete_to_ = std::min(complete_to_, from);
   const bool full = degraded_.size() == max_degraded;
   if (!degraded_.empty() && degraded_.back().start == start_ &&
       (full || from <= degraded_.back().to)) {

@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "sprag/contact_event.h"
@@ -52,9 +51,6 @@ class EventHistory {
 
   /// Adds a degraded interval from `from`, or from the horizon if that is later, up to `to`.
   void degrade(double from, double to, bool one_pulse = false);
-  /// Time up to which no event since the last restart() is known to be missing; +infinity: no event
-  /// is.
-  double complete_to() const { return complete_to_; }
 
   /// Whether a degraded interval of this start contains t, or ended at most `events` events before
   /// t.
@@ -86,7 +82,6 @@ class EventHistory {
   double last_t_ = 0.0;
   double horizon_ = 0.0;
   std::array<double, max_contacts> last_of_{};  // time of each contact's last event
-  double complete_to_ = std::numeric_limits<double>::infinity();
   std::int64_t start_ = 0;
   std::int64_t dropped_ = 0;
   std::array<ContactEvent, skips> last_skipped_{};

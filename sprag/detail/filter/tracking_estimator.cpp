@@ -663,12 +663,9 @@ void TrackingEstimator::note(const TrackingState& state, Confidence& confidence)
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;
 }
 
-void TrackingEstimator::confidence(const TrackingState& state, double initial,
-                                   Confidence& confidence) {
-  base_.confidence(state.base, initial, confidence);
+void TrackingEstimator::confidence(const TrackingState& state, Confidence& confidence) {
   note(state, confidence);
   if (!filter_) return;
-  if (kind_ == EstimatorKind::timing) confidence.bound = infinity;
   const double t = tick_instant(state.tick, h()).hi;
   bool is_known = claims(state);
   if (is_known) {

@@ -125,7 +125,7 @@ class TrackingEstimator {
               Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;
   void note(const TrackingState& state, Confidence& confidence) const;
-  void confidence(const TrackingState& state, double initial, Confidence& confidence);
+  void confidence(const TrackingState& state, Confidence& confidence);
   double h() const { return base_.h(); }
 
   /// SceneFilter::belief() at the present tick. The track must not be lost. Allocates.

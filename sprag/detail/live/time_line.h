@@ -209,10 +209,6 @@ class TimeLine {
 
   bool started() const { return started_; }
   double h() const { return estimator_->h(); }
-  /// Whether the estimate includes every event from t = 0 up to t. t is then not after the horizon.
-  bool complete_to(double t) const {
-    return first_ == 0 && t <= std::min(events_.complete_to(), events_.horizon());
-  }
   std::int64_t now() const { return now_; }
   /// Number of starts; tick and chi of the last start.
   std::int64_t starts() const { return starts_; }

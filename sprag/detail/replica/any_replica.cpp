@@ -85,11 +85,6 @@ void AnyReplica::note(const State& state, Confidence& confidence) const {
        [&](const auto& estimator, const auto& of) { estimator.note(of, confidence); });
 }
 
-void AnyReplica::confidence(const State& state, double initial, Confidence& confidence) {
-  read(replica_, state,
-       [&](auto& replica, const auto& of) { replica.confidence(of, initial, confidence); });
-}
-
 bool AnyReplica::record_in(std::vector<ImpactRecord>& records) {
   auto* of = std::get_if<Replica>(&replica_);
   if (of == nullptr) return false;

@@ -54,7 +54,6 @@ class AnyReplica {
   void output(const State& state, Eigen::Ref<Eigen::VectorXd> q, Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;
   void note(const State& state, Confidence& confidence) const;
-  void confidence(const State& state, double initial, Confidence& confidence);
   double h() const { return h_; }
 
   /// Appends a record of each event from now on to `records`, which must outlive this. Only one

@@ -123,10 +123,6 @@ void MoreauReplica::output(const MoreauState& state, Eigen::Ref<Eigen::VectorXd>
   u = state.u;
 }
 
-void MoreauReplica::confidence(const MoreauState& state, double, Confidence& confidence) const {
-  note(state, confidence);
-}
-
 void MoreauReplica::note(const MoreauState& state, Confidence& confidence) const {
   confidence.refused_impacts = state.refused_impacts;
 }

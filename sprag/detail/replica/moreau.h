@@ -53,7 +53,6 @@ class MoreauReplica {
   /// Reports only the number of refused impacts; `initial` is not used.
   Confidence no_confidence() const { return {}; }
   void note(const MoreauState& state, Confidence& confidence) const;
-  void confidence(const MoreauState& state, double initial, Confidence& confidence) const;
 
   double h() const { return h_; }
 

@@ -140,7 +140,7 @@ Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEv
     estimator.output(state, q, u);
     V.push_back(error_energy(energy, truth, i, q, u));
     if (!filter) return;
-    estimator.confidence(state, infinite, confidence);
+    estimator.confidence(state, confidence);
     if (i > 0 && confidence.from_filter) ++trusted;
     if (2 * i <= truth.samples()) return;
     for (Eigen::Index j = 0; j < f; ++j) {
