@@ -57,14 +57,6 @@ class ReadmeTest(unittest.TestCase):
         self.assertEqual(printed, self.printed)
         self.assertEqual(files, [])
 
-    def test_all_examples_run(self):
-        self.assertGreaterEqual(len(self.blocks), 3)
-        alone = [block for block in self.blocks[1:] if "EventPublisher" not in block]
-        for block in alone:  # live_test.py runs the others
-            with self.subTest(block.splitlines()[2]):
-                printed, _ = run(block)
-                self.assertTrue(printed)
-
 
 class FrontPageTest(unittest.TestCase):
     def test_python_prints_what_cpp_prints(self):
