@@ -136,10 +136,4 @@ Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, 
   return contact;
 }
 
-Eigen::VectorXd moved_direction(const Beam& beam, const Eigen::VectorXd& w, double from,
-                                double to) {
-  const double side = w.dot(mode_shapes(beam, from)) < 0.0 ? -1.0 : 1.0;
-  return side * mode_shapes(beam, to);
-}
-
 }  // namespace sprag

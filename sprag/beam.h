@@ -88,12 +88,4 @@ enum class Side {
 Contact beam_contact(const Beam& beam, double x_c, Side side, double clearance, double restitution,
                      const Harmonic& motion = {});
 
-/// \brief Direction of a contact after a move along the beam. The side stays the same.
-/// \param beam the beam.
-/// \param w direction at `from`, n entries.
-/// \param from old position x_c [m].
-/// \param to new position x_c [m].
-/// \return the direction at `to`, n entries.
-Eigen::VectorXd moved_direction(const Beam& beam, const Eigen::VectorXd& w, double from, double to);
-
 }  // namespace sprag
