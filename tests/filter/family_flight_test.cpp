@@ -3,11 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
+#include <initializer_list>
 
 #include "sprag/detail/filter/event_filter.h"
+#include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
 #include "sprag/master.h"
 #include "tests/support/random.h"
+#include "tests/support/random_model.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 #include "tests/support/shaken_by_record.h"
 
@@ -41,20 +46,15 @@ class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 // The machine's own path with all its forces, forwards and backwards.
 TEST_P(FamilyFlightOfScenes, EqualsMotionOfMachine) {
   const Scene scene = scene_of(GetParam());
-  const MachineFamily family(scene, unknowns_of_flight(scene));
+  const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
   Master master(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   master.advance(at(std::min(end_of_inputs(scene.model), 100.0)), events, 1);
   ASSERT_FALSE(events.empty());
-  FamilyFlight flight(family);
-  Eigen::VectorXd c(flight.unknowns());
-  for (Eigen::Index k = 0; k < c.size(); ++k) {
-    const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
-    c[k] = unknown.coordinate(unknown.nominal);
-  }
-  flight.set(c, true);
-  Eigen::VectorXd start(2 * family.n());
-  start << family.to_modes(scene.truth.start.q), family.to_modes(scene.truth.start.u);
+  FamilyFlight flight(scene, unknowns);
+  flight.set(Eigen::VectorXd::Zero(flight.unknowns()), true);
+  Eigen::VectorXd start(2 * flight.n());
+  flight.enter(scene.truth.start.q, scene.truth.start.u, 0.0, start);
   const double tau = events.front().t;
   flight.fly(start, 0.0, tau, 0);
   const double length = flight.gap(events.front().contact).length;
@@ -71,11 +71,11 @@ TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
   SCOPED_TRACE(seed);
   Random random(seed);
   const Scene scene = scene_of(GetParam());
-  const MachineFamily family(scene, unknowns_of_flight(scene));
-  FamilyFlight flight(family), other(family);
-  const Eigen::Index n = family.n(), P = flight.unknowns();
+  const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
+  FamilyFlight flight(scene, unknowns), other(scene, unknowns);
+  const Eigen::Index n = flight.n(), P = flight.unknowns();
   Eigen::VectorXd x(2 * n), c(P);
-  x << family.to_modes(scene.prior.start.q), family.to_modes(scene.prior.start.u);
+  flight.enter(scene.prior.start.q, scene.prior.start.u, 0.0, x);
   x += 0.1 * x.cwiseAbs().maxCoeff() * random.vector(2 * n);
   c = 0.01 * random.vector(P);
   const double t = 0.3, tau = 0.2, later = 0.1, step = 1e-6;
@@ -119,7 +119,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
     Eigen::VectorXd of_c = by_c.col(k);
     flight.carry(of_c);
     of_c += by_c_later.col(k);
-    SCOPED_TRACE(family.unknowns()[static_cast<std::size_t>(k)].key);
+    SCOPED_TRACE(unknowns[static_cast<std::size_t>(k)].key);
     expect_same(of_c, difference(no_x, Eigen::VectorXd::Unit(P, k), 0.0));
   }
 }
@@ -130,13 +130,9 @@ TEST(FamilyFlight, HoldsContactLikeMachine) {
                            "paper_beam_chatter@", "two_stops_beam@"}) {
     SCOPED_TRACE(name);
     const Scene scene = scene_of(name);
-    const MachineFamily family(scene, unknowns_of_flight(scene));
-    FamilyFlight flight(family), moved(family);
-    Eigen::VectorXd c(flight.unknowns());
-    for (Eigen::Index k = 0; k < c.size(); ++k) {
-      const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
-      c[k] = unknown.coordinate(unknown.nominal);
-    }
+    const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
+    FamilyFlight flight(scene, unknowns), moved(scene, unknowns);
+    const Eigen::VectorXd c = Eigen::VectorXd::Zero(flight.unknowns());
     const std::vector<ContactEvent> events = test::events_of(scene, 20.0);
     const auto closing = std::find_if(events.begin(), events.end(), [](const ContactEvent& event) {
       return event.kind == ContactEventKind::closes;
@@ -147,9 +143,9 @@ TEST(FamilyFlight, HoldsContactLikeMachine) {
     std::vector<ContactEvent> passed;
     const auto state_at = [&](double t) {
       master.advance(at(t), passed);
-      Eigen::VectorXd q(family.n()), u(family.n()), x(2 * family.n());
+      Eigen::VectorXd q(flight.n()), u(flight.n()), x(2 * flight.n());
       master.state(at(t), q, u);
-      x << family.to_modes(q), family.to_modes(u);
+      flight.enter(q, u, t, x);
       return x;
     };
     const double from = closing->t + 0.1 * (opens - closing->t);
@@ -168,6 +164,163 @@ TEST(FamilyFlight, HoldsContactLikeMachine) {
   }
 }
 
+// The same motion in both flights' coordinates.
+struct Both {
+  ModelFlight of_model;
+  FamilyFlight of_family;
+
+  Both(const Scene& scene, std::vector<Unknown> unknowns)
+      : of_model(std::make_shared<Flows>(scene.model)), of_family(scene, std::move(unknowns)) {}
+
+  // (q, u) of each after a flight from a state, or after an impact.
+  static Eigen::VectorXd state(Flight& flight, double t) {
+    Eigen::VectorXd q(flight.n()), u(flight.n()), x = flight.x(), both(2 * flight.n());
+    flight.state(x, t, q, u);
+    both << q, u;
+    return both;
+  }
+  static void fly(Flight& flight, const State& start, double t, double tau, ContactSet held) {
+    Eigen::VectorXd x(2 * flight.n());
+    flight.enter(start.q, start.u, t, x);
+    flight.fly(x, t, tau, held);
+  }
+};
+
+// All sets of contacts that can be held together.
+std::vector<ContactSet> held_sets(const Flight& flight) {
+  std::vector<ContactSet> sets;
+  for (ContactSet held = 0; held < bit(flight.contacts()); ++held) {
+    if (flight.can_hold(held)) sets.push_back(held);
+  }
+  return sets;
+}
+
+Scene impacting_scene(Random& random) {
+  ImpactingMachine machine = random_impacting_machine(random);
+  Scene scene;
+  scene.model = std::move(machine.model);
+  scene.truth.start = scene.prior.start = std::move(machine.start);
+  return scene;
+}
+
+void expect_near(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, double share) {
+  EXPECT_LT((a - b).norm(), share * (1.0 + b.norm())) << a.transpose() << "\n\n" << b.transpose();
+}
+
+// Without unknowns: any damping, any held set, impacts while others are held.
+TEST(FamilyFlight, EqualsExactFlowsOfDrawnMachines) {
+  constexpr std::uint64_t first_seed = 600;
+  std::size_t several = 0;
+  for (int k = 0; k < repetitions(60); ++k) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(k);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Scene scene = impacting_scene(random);
+    Both both(scene, {});
+    const double t = random.uniform(0.0, 5.0), tau = random.uniform(-0.3, 3.0);
+    const Eigen::MatrixXd dq = random.matrix(2 * both.of_model.n(), 3);
+    for (const ContactSet held : held_sets(both.of_family)) {
+      SCOPED_TRACE(testing::Message() << "held " << held << ", tau " << tau);
+      several += (held & (held - 1)) != 0 ? 1 : 0;
+      const double growth = tau < 0.0 ? 1e2 : 1.0;
+      std::array<Eigen::VectorXd, 2> states, gaps, struck, forces;
+      std::array<Eigen::MatrixXd, 2> carried;
+      std::array<ContactSet, 2> after{};
+      std::size_t j = 0;
+      for (Flight* of : std::initializer_list<Flight*>{&both.of_model, &both.of_family}) {
+        Both::fly(*of, scene.truth.start, t, tau, held);
+        states[j] = Both::state(*of, t + tau);
+        carried[j] = of->from_state() * dq;
+        of->carry(carried[j]);
+        carried[j] = of->to_state() * carried[j];
+        gaps[j].resize(3 * of->contacts());
+        forces[j].setZero(2 * of->contacts());
+        for (int i = 0; i < of->contacts(); ++i) {
+          const Flight::Gap gap = of->gap(i);
+          gaps[j].segment(3 * i, 3) << gap.g, gap.velocity, gap.acceleration;
+          if (!contains(held, i)) continue;
+          const Flight::Gap force = of->force(i);
+          forces[j].segment(2 * i, 2) << force.g, force.velocity;
+        }
+        constexpr int contact = 0;
+        const bool stays = k % 2 == 0;
+        after[j] = of->strike(contact, stays, held & ~bit(contact));
+        struck[j] = Both::state(*of, t + tau);
+        ++j;
+      }
+      expect_near(states[1], states[0], growth * 1e-10);
+      expect_near(carried[1], carried[0], growth * 1e-10);
+      expect_near(gaps[1], gaps[0], growth * 1e-9);
+      expect_near(forces[1], forces[0], growth * 1e-9);
+      expect_near(struck[1], struck[0], growth * 1e-10);
+      EXPECT_EQ(after[1], after[0]);
+    }
+  }
+  EXPECT_GT(several, 20U);
+}
+
+// By each parameter, single entries of K and C and common factors included: through a flight with
+// held contacts and an impact, compared with the exact flows of neighbouring machines.
+TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
+  constexpr std::uint64_t first_seed = 700;
+  for (int k = 0; k < repetitions(30); ++k) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(k);
+    SCOPED_TRACE(testing::Message() << "seed " << seed);
+    Random random(seed);
+    const Scene scene = impacting_scene(random);
+    std::vector<Unknown> unknowns = unknowns_of(scene);
+    for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
+    // The exact flows have no negative damping.
+    if (scene.model.C(0, 0) > 0.0) unknowns.push_back(unknown_of(scene, "system.C.1.1"));
+    if (!scene.model.K.isZero(0.0)) {
+      unknowns.push_back(unknown_of(scene, "system.K.1.1"));
+      if (scene.model.coordinates() > 1) unknowns.push_back(unknown_of(scene, "system.K.1.2"));
+    }
+    const double t = 0.4, tau = random.uniform(0.1, 1.0), step = 1e-5;
+    const bool stays = k % 3 == 0;
+    const int contact = static_cast<int>(scene.model.contacts.size()) - 1;
+    for (const Unknown& unknown : unknowns) {
+      FamilyFlight flight(scene, {unknown});
+      flight.set(Eigen::VectorXd::Zero(1), true);
+      for (const ContactSet held : held_sets(flight)) {
+        if (contains(held, contact)) continue;
+        SCOPED_TRACE(testing::Message() << unknown.key << ", held " << held);
+        const auto end_of = [&](Flight& of) {
+          Both::fly(of, scene.truth.start, t, tau, held);
+          of.strike(contact, stays, held);
+          return Both::state(of, t + tau);
+        };
+        const auto neighbour = [&](double c) {
+          ModelFlight of(std::make_shared<Flows>(with(scene, unknown, unknown.value(c)).model));
+          return end_of(of);
+        };
+        end_of(flight);
+        const Eigen::MatrixXd by_unknown = flight.to_state() * flight.by_unknowns();
+        expect_near(by_unknown, (neighbour(step) - neighbour(-step)) / (2.0 * step), 1e-5);
+      }
+    }
+  }
+}
+
+// A sustained contact over many samples of a record, with damping that couples the modes.
+TEST(FamilyFlight, FollowsManySamplesWhileContactsAreHeld) {
+  Scene scene = test::shaken_by_record(shipped_scene("two_stops_beam"), 1e-3, 21.0);
+  scene.beam = {};
+  scene.positions = {};
+  scene.model.C(0, 1) = scene.model.C(1, 0) = 0.3 * scene.model.C(0, 0);
+  Both both(scene, {});
+  for (const double tau : {0.7, -0.7}) {
+    for (const ContactSet held : held_sets(both.of_family)) {
+      SCOPED_TRACE(testing::Message() << "held " << held);
+      Both::fly(both.of_model, scene.truth.start, 3.0001, tau, held);
+      Both::fly(both.of_family, scene.truth.start, 3.0001, tau, held);
+      const Eigen::VectorXd exact = Both::state(both.of_model, 3.0001 + tau);
+      const Eigen::VectorXd state = Both::state(both.of_family, 3.0001 + tau);
+      EXPECT_LT((state - exact).norm(), 1e-9 * exact.norm()) << state.transpose();
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, FamilyFlightOfScenes,
                          testing::Values("paper_beam", "two_stops_beam", "lab_rig", "swept_beam",
                                          "paper_beam@", "two_stops_beam@"));
@@ -177,9 +330,8 @@ TEST(EventFilter, RestartKeepsEstimatedParameters) {
   Random random(seed);
   Scene scene = shipped_scene("paper_beam");
   scene.prior.adaptation.walk[0] = 0.3;
-  const MachineFamily family(scene, unknowns_to_adapt(scene));
-  FamilyFlight flight(family);
-  EventFilter filter(flight, {walk_of(family.scene(), std::ssize(family.unknowns()))});
+  FamilyFlight flight(scene, unknowns_to_adapt(scene));
+  EventFilter filter(flight, {walk_of(scene, flight.unknowns())});
   FilterBelief belief = filter.no_belief();
   const Eigen::Index n2 = 2 * filter.n(), P = filter.unknowns();
   for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {

@@ -90,6 +90,38 @@ Scene swept_rattle(Random& random, Eigen::Index f, double share) {
   return scene;
 }
 
+// A machine whose damping couples the modes, with a single entry of K uncertain.
+Scene coupled_rattle(Random& random, Eigen::Index, double share) {
+  Scene scene = random_rattle(random, 2, share);
+  scene.model.C(1, 1) += 0.4;
+  scene.prior.parameters.keys[2] = "system.K.2.2";
+  scene.prior.parameters.sigma[2] *= scene.model.K(1, 1);
+  return scene;
+}
+
+// Two masses that a spring couples, each pressed against a stop of its own from which the
+// excitation lifts it: often both are held.
+Scene pressed_pair(Random& random, Eigen::Index, double share) {
+  Scene scene = random_rattle(random, 2, share);
+  Model& model = scene.model;
+  model.M = random.uniform(0.8, 1.3) * Eigen::Matrix2d::Identity();
+  model.C = 0.2 * model.M + 0.004 * model.K;
+  Force& force = model.forces[0];
+  force.direction = Eigen::Vector2d(1.0, random.uniform(0.6, 1.6));
+  force.constant = -random.uniform(7.0, 8.0);
+  force.harmonic.amplitude = random.uniform(11.0, 13.0);
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    Contact& contact = model.contacts[static_cast<std::size_t>(i)];
+    contact.w = Eigen::Vector2d::Unit(i);
+    contact.restitution = 0.0;
+  }
+  ParameterUncertainty& parameters = scene.prior.parameters;
+  parameters.keys = {"contact.2.clearance", "force.1.constant", "system.K"};
+  parameters.sigma[0] = share * model.contacts[1].clearance;
+  parameters.sigma[1] = share * std::abs(force.constant);
+  return scene;
+}
+
 ParameterUncertainty uncertain_restitution(double sigma) {
   return {{"impact.restitution"},
           Eigen::VectorXd::Constant(1, sigma),
@@ -237,7 +269,7 @@ void expect_calibrated(DrawScene draw_scene, std::uint64_t seed, double jitter, 
             finite * static_cast<double>(estimated.state.samples));
   EXPECT_GT(estimated.parameters.mean(), 0.4);
   EXPECT_LT(estimated.parameters.mean(), 1.8);
-  EXPECT_GT(exact.state.mean(), 4.0 * estimated.state.mean());
+  EXPECT_TRUE(exact.state.count == 0 || exact.state.mean() > 4.0 * estimated.state.mean());
 }
 
 class UncertainParameters : public ::testing::TestWithParam<double> {};
@@ -249,6 +281,14 @@ TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
 
 TEST_P(UncertainParameters, SigmaMatchesErrorsUnderARecord) {
   expect_calibrated(swept_rattle, 29, GetParam(), 0.9);
+}
+
+TEST_P(UncertainParameters, SigmaMatchesErrorsWithCoupledModes) {
+  expect_calibrated(coupled_rattle, 31, GetParam(), 0.95);
+}
+
+TEST_P(UncertainParameters, SigmaMatchesErrorsWithSeveralContactsHeld) {
+  expect_calibrated(pressed_pair, 32, GetParam(), 0.9);
 }
 
 TEST_P(UncertainParameters, SigmaMatchesErrorsWithConsideredParameters) {
@@ -466,9 +506,10 @@ TEST(UncertainParametersOf, Predictions) {
   EXPECT_LT(claims.mean(), 1.8);
 }
 
-TEST(UncertainParametersOf, MachinesWithoutSuchAFilterAreRefused) {
-  Scene scene = shipped_scene("non_proportional");
+TEST(UncertainParametersOf, TheClockIsRefused) {
+  Scene scene = shipped_scene("paper_beam");
   scene.prior.parameters = uncertain_restitution(1e-3);
+  scene.prior.parameters.keys[0] = "clock.rate";
   EXPECT_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::both), ModelError);
   EXPECT_NO_THROW(TrackingEstimator(scene, 0.01, EstimatorKind::replica));
 }

@@ -1,10 +1,14 @@
 // An adaptive estimator's ticks: before a result, at a result, with the joint filter, and through
-// sustained contacts.
+// sustained contacts. The flights of its filter in all cases.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "sprag/detail/filter/family_flight.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/run.h"
+#include "tests/support/shaken_by_record.h"
 
 namespace sprag::test {
 namespace {
@@ -47,6 +51,52 @@ TEST(TrackingEstimator, TicksDoNotAllocate) {
   EXPECT_EQ(allocations, 0);
   EXPECT_GE(results, 1);
   EXPECT_GT(of_filter, 8000);
+}
+
+// Free and held, with and without a record and damping that couples the modes.
+TEST(FamilyFlight, DoesNotAllocate) {
+  for (const bool recorded : {false, true}) {
+    for (const bool coupled : {false, true}) {
+      Scene scene = shipped_scene("two_stops_beam");
+      if (recorded) scene = shaken_by_record(scene, 0.02, 21.0);
+      if (coupled) {
+        scene.beam = {};
+        scene.positions = {};
+        scene.model.C(0, 1) = scene.model.C(1, 0) = 0.3 * scene.model.C(0, 0);
+      }
+      const std::vector<Unknown> unknowns = unknowns_of(scene);
+      FamilyFlight flight(scene, unknowns);
+      const Eigen::Index n2 = 2 * flight.n(), P = flight.unknowns();
+      Eigen::VectorXd c = Eigen::VectorXd::Zero(P), x(n2), of_g(n2), of_velocity(n2), by_c(P),
+                      velocity_by_c(P);
+      Eigen::MatrixXd dx = Eigen::MatrixXd::Ones(n2, 5);
+      flight.enter(scene.truth.start.q, scene.truth.start.u, 0.0, x);
+      double sum = 0.0;
+      const long allocations = allocations_of([&] {
+        for (ContactSet held = 0; held < bit(flight.contacts()); ++held) {
+          if (!flight.can_hold(held)) continue;
+          c.array() += 1e-3;
+          flight.set(c, true);
+          flight.fly(x, 1.0, 0.13, held);
+          flight.carry(dx);
+          for (Eigen::Index k = 0; held == 0 && k < P; ++k) {
+            if (flight.changes_flow(k)) flight.carry_by_unknown(k, dx.col(0));
+          }
+          flight.turn(-0.05, held, dx);
+          for (int i = 0; i < flight.contacts(); ++i) {
+            const bool of_force = contains(held, i);
+            sum += of_force ? flight.force(i).g : flight.gap(i).g;
+            flight.gradients(i, of_force, of_g, of_velocity);
+            flight.differences(i, of_force, by_c, velocity_by_c);
+          }
+          flight.fly_on(0.02, flight.strike(0, held != 0, held & ~bit(0)));
+          flight.carry_through(dx);
+        }
+      });
+      EXPECT_EQ(allocations, 0) << recorded << coupled;
+      EXPECT_TRUE(std::isfinite(sum));
+    }
+  }
 }
 
 }  // namespace

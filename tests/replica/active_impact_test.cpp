@@ -27,7 +27,8 @@ Model two_masses(double coupling, ImpactLaw law, double epsilon) {
 
 TEST(SingleImpact, OfOneContactFollowsItsRestitution) {
   const Dynamics dynamics(two_masses(0.3, ImpactLaw::poisson, 0.7));
-  const SingleImpact impact = single_impact(dynamics, 1, 0.7, 0);
+  const SingleImpact impact =
+      single_impact(dynamics.G(), ImpactLaw::poisson, Eigen::Vector2d::Constant(0.7), 1, 0.7, 0);
   ASSERT_EQ(impact.solved, Solved::yes);
   EXPECT_EQ(impact.staying, 0U);
   EXPECT_DOUBLE_EQ(impact.change, 1.7);
@@ -50,7 +51,8 @@ TEST(SingleImpact, ForcesReleaseOfHeldContacts) {
         Case{0.3, ImpactLaw::poisson, 0.9, false}, Case{0.3, ImpactLaw::poisson, 0.5, true},
         Case{0.0, ImpactLaw::poisson, 0.5, true}}) {
     const Dynamics dynamics(two_masses(of.coupling, of.law, of.epsilon));
-    const SingleImpact impact = single_impact(dynamics, 0, 0.8, bit(1));
+    const SingleImpact impact =
+        single_impact(dynamics.G(), of.law, Eigen::Vector2d::Constant(of.epsilon), 0, 0.8, bit(1));
     ASSERT_EQ(impact.solved, Solved::yes);
     EXPECT_EQ(contains(impact.staying, 1), of.stays) << of.coupling;
     // The changes are those of the impulses, which are nonnegative.

@@ -222,10 +222,6 @@ TEST_F(StudyTest, ErrorsNamePositionAndAllowedValues) {
        "points = 3, zip = \"a\" }",
        "4:8: vary.tick has 3 points; must have 2, as others of zip \"a\""}};
   for (const auto& [text, expected] : cases) EXPECT_EQ(error(text), expected) << text;
-  EXPECT_EQ(error("estimators = [\"adaptive\"]\nrecord = [\"V_floor\"]\nduration = 1.0",
-                  "non_proportional"),
-            "2:14: estimators has adaptive: system.C couples the modes of M and K; an adaptive "
-            "estimator needs damping that does not, as C = a M + b K");
   EXPECT_EQ(error("[vary]\nobserver.beam.modes = [5]", "paper_beam"),
             "3:23: vary.observer.beam.modes = 5: the observer has more coordinates than the "
             "machine; must be as many at most");

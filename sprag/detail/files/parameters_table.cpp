@@ -64,24 +64,14 @@ std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
   return entries;
 }
 
-// Reason why a filter cannot estimate a parameter that the machine has.
-const char* refusal_of(const Unknown& unknown) {
-  if (is_of_clock(unknown)) {
-    return " is of the contact clock, which a filter cannot estimate; must be known, or found by "
-           "identify";
-  }
-  return is_common(unknown)
-             ? " stands for several numbers that differ, which cannot be an uncertain parameter of "
-               "a filter; must be listed one by one"
-             : " is a single entry, which cannot be an uncertain parameter of a filter; must be a "
-               "factor, system.C or system.K";
-}
-
 void check_key(const TomlTable& table, const Entry& entry, const Scene& scene) {
   try {
     const Unknown unknown = unknown_of(scene, entry.key);
     if (!can_be_filtered(unknown)) {
-      table.fail_at(entry.position, table.path_of(entry.key) + refusal_of(unknown));
+      table.fail_at(entry.position,
+                    table.path_of(entry.key) +
+                        " is of the contact clock, which a filter cannot estimate; must be known, "
+                        "or found by identify");
     }
   } catch (const std::invalid_argument& error) {
     table.fail_at(entry.position, "parameters: " + std::string(error.what()));

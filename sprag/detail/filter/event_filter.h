@@ -71,11 +71,6 @@ class EventFilter {
   /// Time at which the first burst ends if no report comes; +infinity without a burst [s].
   static double end_of_burst(const FilterBelief& belief);
 
-  /// Whether a flight of the belief to t can be computed at acceptable cost.
-  bool can_reach(double t, const FilterBelief& belief) const {
-    return flight().can_hold(belief.held, t - belief.t);
-  }
-
   /// Whether the rule for bursts covers these events: no burst of one contact is within 3 sigma of
   /// a report of another contact whose impulses change its gap velocity. Does not allocate.
   bool can_separate(std::span<const ContactEvent> events, const FilterBelief& belief);

@@ -2,32 +2,25 @@
 
 #include <bit>
 #include <cmath>
-#include <complex>
 #include <limits>
+#include <utility>
 
+#include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/polynomial_response.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/replica/active_impact.h"
 
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
 using Complex = std::complex<double>;
 
 // Step of the central differences in c. Its truncation error is far below any deviation of c, and
 // the rounding error of the difference stays small.
 constexpr double difference_of_c = 4e-6;
-// Enough for angles up to 1: the remainder is below rounding.
-constexpr int terms_of_series = 20;
-// Largest number of Taylor steps of a flight with a closed contact. It bounds the computing time of
-// an event.
-constexpr double most_held_steps = 200.0;
-
-int contact_of(ContactSet held) { return held == 0 ? -1 : std::countr_zero(held); }
-
-bool is_of_flow(const Unknown& unknown) {
-  return unknown.kind == Kind::damping || unknown.kind == Kind::stiffness;
-}
+// a, a', a'', a''' of each record are inputs.
+constexpr Eigen::Index chain = 4;
 
 // Propagation of y'' + c y' + k y = 1 over tau, which may be negative.
 OscillatorStep step_of(double c, double k, double tau) {
@@ -41,226 +34,115 @@ OscillatorStep step_of(double c, double k, double tau) {
 
 }  // namespace
 
-FamilyFlight::FamilyFlight(const MachineFamily& family) : family_(&family) {
-  const Eigen::VectorXd nominal = family.nominal();
-  variants_.resize(1 + 2 * static_cast<std::size_t>(unknowns()));
-  for (const RecordedInput& record : family.records()) cursors_.emplace_back(record.input);
-  for (Variant& variant : variants_) {
-    variant.machine = family.without_responses(nominal);
-    variant.inputs = family.inputs(nominal);
-    variant.x.setZero(2 * n());
-    variant.harmonics.resize(static_cast<std::size_t>(variant.machine.groups()));
-    variant.derivatives = variant.harmonics;
-    variant.recorded.resize(cursors_.size());
+FamilyFlight::FamilyFlight(const Scene& scene, std::vector<Unknown> unknowns)
+    : family_(scene, std::move(unknowns)),
+      exponential_(first_record() + chain * std::ssize(family_.records())) {
+  const Eigen::Index n2 = 2 * n();
+  const Eigen::Index size = first_record() + chain * std::ssize(family_.records());
+  for (const RecordedInput& record : family_.records()) cursors_.emplace_back(record.input);
+  Variant variant;
+  variant.machine = family_.nominal();
+  variant.x.setZero(n2);
+  variant.harmonics.resize(static_cast<std::size_t>(variant.machine.frequencies.size()));
+  variant.recorded.resize(cursors_.size());
+  variant.steps.resize(static_cast<std::size_t>(n()));
+  for (Transition* of : {&variant.part, &variant.interval}) of->Phi.setZero(n2, size);
+  for (Transition* of : {&variant.whole, &turn_}) of->Phi.setZero(n2, n2);
+  variants_.resize(1 + 2 * static_cast<std::size_t>(this->unknowns()), variant);
+  for (std::size_t j = 1; j < variants_.size(); ++j) {
+    variants_[j].own_flow = changes_flow(static_cast<Eigen::Index>(j - 1) / 2);
   }
-  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
-    const bool own = is_of_flow(family.unknowns()[k]);
-    for (std::size_t j : {1 + 2 * k, 2 + 2 * k}) {
-      variants_[j].own_flow = own;
-      if (own) variants_[j].steps.resize(static_cast<std::size_t>(n()));
-    }
-  }
-  c_.setConstant(unknowns(), std::numeric_limits<double>::quiet_NaN());
-  values_ = nominal;
-  steps_.resize(static_cast<std::size_t>(n()));
-  turn_ = steps_;
-  x_.setZero(2 * n());
-  by_time_.setZero(2 * n());
-  by_c_.setZero(2 * n(), unknowns());
-  held_step_.setZero(2 * n(), 2 * n());
-  term_.setZero(2 * n());
-  next_.setZero(2 * n());
-  stiffness_ = centre().machine.K;
-  to_state_.setZero(2 * n(), 2 * n());
+  c_.setConstant(this->unknowns(), std::numeric_limits<double>::quiet_NaN());
+  values_.setZero(this->unknowns());
+  turn_steps_ = variant.steps;
+  for (Eigen::VectorXd* of : {&x_, &by_time_, &column_}) of->setZero(n2);
+  for (Eigen::VectorXd* of : {&a_, &rate_, &struck_.direction, &jump_.direction}) of->setZero(n());
+  by_c_.setZero(n2, this->unknowns());
+  generator_.setZero(size, size);
+  scale_.setZero(size);
+  inputs_.setZero(size);
+  stiffness_ = variant.machine.K.diagonal();
+  to_state_.setZero(n2, n2);
   from_state_ = to_state_;
-  const Eigen::MatrixXd to_modes = product(family.V().transpose(), family.scene().model.M);
+  const Eigen::MatrixXd to_modes = product(family_.V().transpose(), scene.model.M);
   for (const Eigen::Index i : {Eigen::Index{0}, n()}) {
-    to_state_.block(i, i, n(), n()) = family.V();
+    to_state_.block(i, i, n(), n()) = family_.V();
     from_state_.block(i, i, n(), n()) = to_modes;
   }
 }
 
-void FamilyFlight::set_machine(const Eigen::VectorXd& values, Variant& variant) const {
-  family_->at(values, variant.machine);
-  family_->inputs(values, variant.inputs);
+// Inputs follow the state: 1, cos and sin of each harmonic, then those of the records.
+Eigen::Index FamilyFlight::first_record() const {
+  return 2 * n() + 1 + 2 * family_.nominal().frequencies.size();
 }
 
 void FamilyFlight::set(const ConstVector& c, bool derivatives) {
   if (c_ == c && (derivatives_ || !derivatives)) return;  // the machines are already set
   derivatives_ = derivatives;
   c_ = c;
-  const std::vector<Unknown>& all = family_->unknowns();
+  const std::vector<Unknown>& all = family_.unknowns();
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     values_[k] = all[static_cast<std::size_t>(k)].value(c[k]);
   }
-  set_machine(values_, centre());
+  family_.set(values_, centre().machine, centre().machine);
   for (Eigen::Index k = 0; derivatives && k < unknowns(); ++k) {
     const Unknown& unknown = all[static_cast<std::size_t>(k)];
     const double value = values_[k];
     for (int side = 0; side < 2; ++side) {
       Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];
-      // W and positions are the costliest part. The copy spares their computation unless this
-      // unknown changes them.
-      variant.machine.W = centre().machine.W;
-      variant.machine.positions = centre().machine.positions;
       values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
-      set_machine(values_, variant);
+      family_.set(values_, centre().machine, variant.machine);
+      variant.moves_like_centre = variant.machine.moves_like(centre().machine);
     }
     values_[k] = value;
   }
+  for (Variant& variant : variants_) {
+    variant.part.known = variant.interval.known = variant.whole.known = false;
+  }
+  turn_.known = false;
 }
 
-void FamilyFlight::find_steps(const Variant& variant, double tau,
-                              std::vector<OscillatorStep>& steps) const {
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    steps[static_cast<std::size_t>(i)] =
-        step_of(variant.machine.C(i, 0), variant.machine.K(i, 0), tau);
+ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const {
+  return first | independent_of(centre().machine.G, first, closed & ~first);
+}
+
+void FamilyFlight::set_phases(double t, Variant& variant) const {
+  for (std::size_t h = 0; h < variant.harmonics.size(); ++h) {
+    variant.harmonics[h] =
+        std::polar(1.0, variant.machine.frequencies[static_cast<Eigen::Index>(h)] * t);
   }
 }
 
 // Adds `sign` times the steady response to the harmonics, at the present phases.
 void FamilyFlight::add_steady(double sign, Variant& variant) const {
-  const Machine& machine = variant.machine;
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Complex z = sign * Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                      variant.harmonics[static_cast<std::size_t>(g)];
+  const FamilyMachine& machine = variant.machine;
+  for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+    const Complex z = sign * variant.harmonics[static_cast<std::size_t>(h)];
     for (Eigen::Index i = 0; i < n(); ++i) {
-      const Complex steady = machine.response(i, g) * z;
+      const Complex steady = machine.response(i, h) * z;
       variant.x[i] += steady.real();
-      variant.x[n() + i] -= machine.frequencies[g] * steady.imag();
+      variant.x[n() + i] -= machine.frequencies[h] * steady.imag();
     }
   }
 }
 
-double FamilyFlight::steps_of_holding(double tau) const {
-  const Machine& machine = centre().machine;
-  double rate = machine.C.maxCoeff() + std::sqrt(machine.K.maxCoeff());
-  if (machine.groups() > 0) rate = std::max(rate, machine.frequencies.maxCoeff());
-  return std::ceil(rate * std::abs(tau));
-}
-
-// term_ <- share A term_, where x' = A x is the homogeneous motion with the contact closed: the
-// contact force keeps the acceleration of its gap at zero.
-void FamilyFlight::add_held_terms(const Machine& machine, int contact, double share) {
-  const auto w = machine.W.col(contact);
-  next_.head(n()) = term_.tail(n());
+void FamilyFlight::find_steps(const FamilyMachine& machine, double tau,
+                              std::vector<OscillatorStep>& steps) const {
   for (Eigen::Index i = 0; i < n(); ++i) {
-    next_[n() + i] = -machine.C(i, 0) * term_[n() + i] - machine.K(i, 0) * term_[i];
-  }
-  const double force = w.dot(next_.tail(n())) / w.squaredNorm();
-  next_.tail(n()) -= force * w;
-  term_ = share * next_;
-}
-
-// Adds the term of this order that constant forces, records and harmonics drive while the contact
-// is closed. `power` is step^order / order!, `share` step / (order + 1).
-void FamilyFlight::add_held_inputs(int contact, int order, double share, double power,
-                                   Variant& variant) {
-  const Machine& machine = variant.machine;
-  const auto w = machine.W.col(contact);
-  // The k-th derivatives of the support's motion and of the steady response.
-  double drive = 0.0;
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Complex i_Omega(0.0, machine.frequencies[g]);
-    Complex& derivative = variant.derivatives[static_cast<std::size_t>(g)];
-    if (order == 0) {
-      derivative = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                   machine.gap_response(contact, g) *
-                   variant.harmonics[static_cast<std::size_t>(g)];
-    }
-    drive += square(machine.frequencies[g]) * derivative.real();
-    derivative *= i_Omega * share;
-  }
-  for (Eigen::Index i = 0; order == 0 && i < n(); ++i) {
-    const double force = constant_force(i, variant);
-    term_[n() + i] += share * force;
-    drive -= w[i] * force;
-  }
-  const auto derivative = static_cast<std::size_t>(order) + 2;
-  for (Eigen::Index r = 0; r < machine.records() && derivative < InputDerivatives{}.size(); ++r) {
-    const double a = power * variant.recorded[static_cast<std::size_t>(r)][derivative];
-    for (Eigen::Index i = 0; i < n(); ++i) {
-      const double force = machine.recorded_forces(i, r) * a;
-      term_[n() + i] += share * force;
-      drive -= w[i] * force;
-    }
-    drive -= machine.shares(contact, r) * a;
-  }
-  term_.tail(n()) += (share * drive / w.squaredNorm()) * w;
-}
-
-// Moves variant.x, which is the free part here, by Taylor series in steps in which no angle turns
-// by more than 1.
-void FamilyFlight::hold(int contact, double tau, Variant& variant) {
-  const Machine& machine = variant.machine;
-  const double steps = std::max(1.0, steps_of_holding(tau));
-  const double step = tau / steps;
-  for (int i = 0; i < static_cast<int>(steps); ++i) {
-    term_ = variant.x;
-    double power = 1.0;
-    for (int k = 0; k < terms_of_series; ++k) {
-      const double share = step / (k + 1);
-      add_held_terms(machine, contact, share);
-      add_held_inputs(contact, k, share, power, variant);
-      power *= share;
-      variant.x += term_;
-    }
-    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-      variant.harmonics[static_cast<std::size_t>(g)] *=
-          std::polar(1.0, machine.frequencies[g] * step);
-    }
-    for (InputDerivatives& of : variant.recorded) of = moved_by(of, step);
+    steps[static_cast<std::size_t>(i)] = step_of(machine.C(i, i), machine.K(i, i), tau);
   }
 }
 
-// Sets held_step_ to the transition matrix of the deviations with the contact closed.
-void FamilyFlight::hold_homogeneous(int contact, double tau) {
-  const double steps = std::max(1.0, steps_of_holding(tau));
-  for (Eigen::Index j = 0; j < 2 * n(); ++j) {
-    auto column = held_step_.col(j);
-    column.setZero();
-    column[j] = 1.0;
-    for (int i = 0; i < static_cast<int>(steps); ++i) {
-      term_ = column;
-      for (int k = 0; k < terms_of_series; ++k) {
-        add_held_terms(centre().machine, contact, tau / steps / (k + 1));
-        column += term_;
-      }
-    }
-  }
-}
-
-void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& variant) {
-  const Machine& machine = variant.machine;
-  const auto turn = [&](double to) {
-    for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-      variant.harmonics[static_cast<std::size_t>(g)] = std::polar(1.0, machine.frequencies[g] * to);
-    }
-  };
-  variant.x = x;
-  turn(t);
-  add_steady(-1.0, variant);
-  if (held_ >= 0) {
-    along_records(t, tau, variant, [&](double part) { hold(held_, part, variant); });
-  } else {
-    if (variant.own_flow) find_steps(variant, tau, variant.steps);
-    const std::vector<OscillatorStep>& steps = variant.own_flow ? variant.steps : steps_;
-    along_records(t, tau, variant, [&](double part) { move_free(part, steps, variant); });
-  }
-  turn(t + tau);
-  add_steady(1.0, variant);
-}
-
+// Calls move(from, part) for each part of a flight from t by tau in which every record is a
+// polynomial. variant.recorded is that at the start of the part.
 template <class Move>
 void FamilyFlight::along_records(double t, double tau, Variant& variant, const Move& move) {
-  const Machine& machine = variant.machine;
   const bool forwards = tau >= 0.0;
   const double end = t + tau;
   for (std::size_t r = 0; r < cursors_.size(); ++r) {
-    const auto j = static_cast<Eigen::Index>(r);
-    const SampledInput::Settings& nominal = family_->records()[r].input->settings();
-    cursors_[r].start(t, forwards, variant.inputs[2 * machine.groups() + j] / nominal.gain,
-                      machine.delays[j] - nominal.delay);
+    const SampledInput::Settings& nominal = family_.records()[r].input->settings();
+    const GainAndDelay& of = variant.machine.records[r];
+    cursors_[r].start(t, forwards, of.gain / nominal.gain, of.delay - nominal.delay);
   }
   const auto set_recorded = [&](double at) {
     for (std::size_t r = 0; r < cursors_.size(); ++r) variant.recorded[r] = cursors_[r].at(at);
@@ -272,7 +154,7 @@ void FamilyFlight::along_records(double t, double tau, Variant& variant, const M
       to = forwards ? std::min(to, cursor.next()) : std::max(to, cursor.next());
     }
     set_recorded(from);
-    move(from == t && to == end ? tau : to - from);
+    move(from, from == t && to == end ? tau : to - from, from != t && to != end);
     if (to == end) break;
     for (InputCursor& cursor : cursors_) {
       if (cursor.next() == to) cursor.pass();
@@ -282,104 +164,210 @@ void FamilyFlight::along_records(double t, double tau, Variant& variant, const M
   set_recorded(end);
 }
 
-double FamilyFlight::constant_force(Eigen::Index i, const Variant& variant) const {
-  const Machine& machine = variant.machine;
-  double force = 0.0;
-  for (Eigen::Index j = 0; j < machine.constant_forces.cols(); ++j) {
-    force += machine.constant_forces(i, j) * variant.inputs[machine.driving() + j];
-  }
-  return force;
-}
-
-void FamilyFlight::move_free(double part, const std::vector<OscillatorStep>& steps,
-                             Variant& variant) const {
-  const Machine& machine = variant.machine;
+// Moves the motion of uncoupled modes without their steady response.
+void FamilyFlight::move_free(double part, Variant& variant) const {
+  const FamilyMachine& machine = variant.machine;
   for (Eigen::Index i = 0; i < n(); ++i) {
     double& y = variant.x[i];
     double& u = variant.x[n() + i];
-    if (machine.records() == 0) {
-      steps[static_cast<std::size_t>(i)].apply(constant_force(i, variant), y, u);
+    if (variant.recorded.empty()) {
+      variant.steps[static_cast<std::size_t>(i)].apply(machine.constant_force[i], y, u);
       continue;
     }
-    PolynomialForce force{constant_force(i, variant)};
-    for (Eigen::Index r = 0; r < machine.records(); ++r) {
-      const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
-      for (std::size_t k = 2; k < of.size(); ++k) {
-        force[k - 2] += machine.recorded_forces(i, r) * of[k];
-      }
+    PolynomialForce force{machine.constant_force[i]};
+    for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
+      const InputDerivatives& of = variant.recorded[r];
+      const double share = family_.recorded_forces()(i, static_cast<Eigen::Index>(r));
+      for (std::size_t k = 2; k < of.size(); ++k) force[k - 2] += share * of[k];
     }
-    move_under_force(0.5 * machine.C(i, 0), machine.K(i, 0), force, part, y, u);
+    move_under_force(0.5 * machine.C(i, i), machine.K(i, i), force, part, y, u);
   }
 }
 
-void FamilyFlight::move(double tau, int held) {
-  held_ = held;
-  if (held < 0) {
-    find_steps(centre(), tau, steps_);
-  } else {
-    hold_homogeneous(held, tau);
+// Sets A of (x, i)' = A (x, i), or of x' = A x.
+void FamilyFlight::set_generator(const FamilyMachine& machine, ContactSet held, bool with_inputs,
+                                 Eigen::Ref<Eigen::MatrixXd> A) const {
+  A.setZero();
+  A.block(0, n(), n(), n()).setIdentity();
+  A.block(n(), 0, n(), n()) = -machine.K;
+  A.block(n(), n(), n(), n()) = -machine.C;
+  const Eigen::Index first = 2 * n() + 1;
+  if (with_inputs) {
+    A.col(2 * n()).segment(n(), n()) = machine.constant_force;
+    for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+      const Eigen::Index j = first + 2 * h;
+      A.col(j).segment(n(), n()) = machine.forces.col(h).real();
+      A.col(j + 1).segment(n(), n()) = -machine.forces.col(h).imag();
+      A(j, j + 1) = -machine.frequencies[h];
+      A(j + 1, j) = machine.frequencies[h];
+    }
+    for (Eigen::Index r = 0; r < family_.recorded_forces().cols(); ++r) {
+      const Eigen::Index j = first_record() + chain * r;
+      A.col(j).segment(n(), n()) = family_.recorded_forces().col(r);
+      for (Eigen::Index k = j; k + 1 < j + chain; ++k) A(k, k + 1) = 1.0;
+    }
   }
+  if (held == 0) return;
+  // Each column's contact forces.
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector gaps(G.rows()), lambda(G.rows());
+  for (Eigen::Index j = 0; j < A.cols(); ++j) {
+    auto column = A.col(j).segment(n(), n());
+    Eigen::Index row = 0;
+    for_each(held, [&](int i) {
+      double acceleration = machine.W.col(i).dot(column);
+      if (j >= first_record()) {
+        if ((j - first_record()) % chain == 0) {
+          acceleration += family_.shares()(i, (j - first_record()) / chain);
+        }
+      } else if (j >= first) {
+        const Eigen::Index h = (j - first) / 2;
+        const Complex support = square(machine.frequencies[h]) * machine.motions(i, h);
+        acceleration += (j - first) % 2 == 0 ? -support.real() : support.imag();
+      }
+      gaps[row++] = acceleration;
+    });
+    if (arrest(G, gaps, lambda) == Solved::yes) add_forces(machine, held, lambda, column);
+  }
+}
+
+// Adds W_H lambda.
+void FamilyFlight::add_forces(const FamilyMachine& machine, ContactSet held,
+                              const ContactVector& lambda, Eigen::Ref<Eigen::VectorXd> u) const {
+  Eigen::Index row = 0;
+  for_each(held, [&](int i) { u += lambda[row++] * machine.W.col(i); });
+}
+
+void FamilyFlight::find(const FamilyMachine& machine, double tau, ContactSet held, bool with_inputs,
+                        Transition& of) {
+  const double rounding = 4.0 * std::numeric_limits<double>::epsilon() * std::abs(end_);
+  if (of.known && of.held == held && std::abs(of.tau - tau) <= rounding) return;
+  of.known = true;
+  of.held = held;
+  of.tau = tau;
+  const Eigen::Index n2 = 2 * n(), size = of.Phi.cols();
+  auto A = generator_.topLeftCorner(size, size);
+  set_generator(machine, held, with_inputs, A);
+  // Balances A: positions by the frequencies, inputs by their forces.
+  const double least = 1.0 / std::abs(tau);
+  double fastest = least;
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    scale_[i] = std::max(std::sqrt(std::max(machine.K(i, i), 0.0)), least);
+    scale_[n() + i] = 1.0;
+    fastest = std::max(fastest, scale_[i]);
+  }
+  const auto force_of = [&](Eigen::Index j) {
+    const double force = A.col(j).segment(n(), n()).cwiseAbs().maxCoeff() / fastest;
+    return force > 0.0 ? force : 1.0;
+  };
+  if (size > n2) scale_[n2] = force_of(n2);
+  for (Eigen::Index j = n2 + 1; j < std::min(first_record(), size); j += 2) {
+    scale_[j] = scale_[j + 1] = std::max(force_of(j), force_of(j + 1));
+  }
+  for (Eigen::Index j = first_record(); j < size; j += chain) {
+    scale_[j] = force_of(j);
+    for (Eigen::Index k = j; k + 1 < j + chain; ++k) scale_[k + 1] = scale_[k] / fastest;
+  }
+  for (Eigen::Index j = 0; j < size; ++j) {
+    for (Eigen::Index i = 0; i < size; ++i) A(i, j) *= tau * (scale_[i] / scale_[j]);
+  }
+  exponential_.apply(A);
+  for (Eigen::Index j = 0; j < size; ++j) {
+    for (Eigen::Index i = 0; i < n2; ++i) of.Phi(i, j) = A(i, j) * (scale_[j] / scale_[i]);
+  }
+}
+
+void FamilyFlight::move(double part, Transition& with, Variant& variant) {
+  if (part == 0.0) return;
+  const FamilyMachine& machine = variant.machine;
+  find(machine, part, held_, true, with);
+  inputs_.head(2 * n()) = variant.x;
+  inputs_[2 * n()] = 1.0;
+  for (std::size_t h = 0; h < variant.harmonics.size(); ++h) {
+    const auto j = 2 * n() + 1 + 2 * static_cast<Eigen::Index>(h);
+    inputs_[j] = variant.harmonics[h].real();
+    inputs_[j + 1] = variant.harmonics[h].imag();
+  }
+  for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
+    const Eigen::Index j = first_record() + chain * static_cast<Eigen::Index>(r);
+    for (Eigen::Index k = 0; k < chain; ++k) {
+      inputs_[j + k] = variant.recorded[r][static_cast<std::size_t>(k) + 2];
+    }
+  }
+  variant.x.noalias() = with.Phi.lazyProduct(inputs_);
+}
+
+// Removes the gap velocities of the held contacts, which rounding or a prior has left.
+void FamilyFlight::close(ContactSet held, Variant& variant) const {
+  const FamilyMachine& machine = variant.machine;
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector gamma(G.rows()), lambda(G.rows());
+  Eigen::Index row = 0;
+  for_each(held, [&](int i) { gamma[row++] = gap(i, variant).velocity; });
+  if (arrest(G, gamma, lambda) == Solved::yes) {
+    add_forces(machine, held, lambda, variant.x.tail(n()));
+  }
+}
+
+void FamilyFlight::close(ContactSet held, Columns dx) const {
+  const FamilyMachine& machine = centre().machine;
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector gamma(G.rows()), lambda(G.rows());
+  for (auto column : dx.colwise()) {
+    Eigen::Index row = 0;
+    for_each(held, [&](int i) { gamma[row++] = machine.W.col(i).dot(column.tail(n())); });
+    if (arrest(G, gamma, lambda) == Solved::yes) {
+      add_forces(machine, held, lambda, column.tail(n()));
+    }
+  }
+}
+
+void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& variant) {
+  variant.x = x;
+  set_phases(t, variant);
+  if (in_closed_form(held_)) {
+    if (variant.own_flow || &variant == &centre()) {
+      find_steps(variant.machine, tau, variant.steps);
+    } else {
+      variant.steps = centre().steps;
+    }
+    add_steady(-1.0, variant);
+    along_records(t, tau, variant, [&](double, double part, bool) { move_free(part, variant); });
+    set_phases(t + tau, variant);
+    add_steady(1.0, variant);
+    return;
+  }
+  Variant& same = variant.moves_like_centre ? centre() : variant;
+  along_records(t, tau, variant, [&](double from, double part, bool is_interval) {
+    set_phases(from, variant);
+    if (from == t && held_ != 0) close(held_, variant);
+    move(part, is_interval ? same.interval : same.part, variant);
+  });
+  set_phases(t + tau, variant);
+}
+
+void FamilyFlight::start(double tau, ContactSet held) {
+  tau_ = tau;
+  held_ = held;
+  for (Variant& variant : variants_) variant.whole.known = false;
 }
 
 void FamilyFlight::fly(const ConstVector& x, double t, double tau, ContactSet held) {
   end_ = t + tau;
-  move(tau, contact_of(held));
-  const std::size_t count = derivatives_ ? variants_.size() : 1;
-  for (std::size_t j = 0; j < count; ++j) fly(x, t, tau, variants_[j]);
+  start(tau, held);
+  for (std::size_t j = 0; j < used(); ++j) fly(x, t, tau, variants_[j]);
   difference();
 }
 
 void FamilyFlight::fly_on(double tau, ContactSet held) {
-  move(tau, contact_of(held));
-  const std::size_t count = derivatives_ ? variants_.size() : 1;
-  for (std::size_t j = 0; j < count; ++j) fly(variants_[j].x, end_, tau, variants_[j]);
+  const double t = end_;
   end_ += tau;
+  start(tau, held);
+  for (std::size_t j = 0; j < used(); ++j) {
+    column_ = variants_[j].x;
+    fly(column_, t, tau, variants_[j]);
+  }
   difference();
-}
-
-bool FamilyFlight::can_hold(ContactSet held, double duration) const {
-  if (held == 0) return true;
-  double steps = steps_of_holding(duration);
-  for (const RecordedInput& record : family_->records()) {
-    steps += std::abs(duration) / record.input->spacing();
-  }
-  return std::has_single_bit(held) && steps < most_held_steps;
-}
-
-ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const {
-  return first | closed;
-}
-
-void FamilyFlight::turn(double tau, ContactSet, Columns dx) {
-  find_steps(centre(), tau, turn_);
-  for (auto column : dx.colwise()) {
-    for (Eigen::Index i = 0; i < n(); ++i) {
-      turn_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
-    }
-  }
-}
-
-void FamilyFlight::carry_by_unknown(Eigen::Index k, Vector dx) const {
-  const auto j = static_cast<std::size_t>(1 + 2 * k);
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const OscillatorStep& above = variants_[j].steps[static_cast<std::size_t>(i)];
-    const OscillatorStep& below = variants_[j + 1].steps[static_cast<std::size_t>(i)];
-    const double z = dx[i], v = dx[n() + i], h = 2.0 * difference_of_c;
-    dx[i] = ((above.zz - below.zz) * z + (above.zv - below.zv) * v) / h;
-    dx[n() + i] = ((above.vz - below.vz) * z + (above.vv - below.vv) * v) / h;
-  }
-}
-
-double FamilyFlight::largest_frequency() const {
-  return std::sqrt(std::max(centre().machine.K.maxCoeff(), 0.0));
-}
-
-double FamilyFlight::smallest_frequency() const {
-  double least = infinity;
-  for (const double k : centre().machine.K.reshaped()) {
-    if (k > 0.0) least = std::min(least, k);
-  }
-  return least < infinity ? std::sqrt(least) : 1.0;
 }
 
 void FamilyFlight::difference() {
@@ -390,110 +378,207 @@ void FamilyFlight::difference() {
   }
 }
 
-void FamilyFlight::carry(Columns dx) {
+// x -> x over the last flight.
+const Eigen::MatrixXd& FamilyFlight::whole(Variant& variant) {
+  Transition& of = variant.whole;
+  if (of.known) return of.Phi;
+  const Transition& part = variant.moves_like_centre ? centre().part : variant.part;
+  if (tau_ == 0.0) {
+    of.Phi.setIdentity();
+    of.known = true;
+  } else if (part.known && part.held == held_ && part.tau == tau_) {
+    of.Phi = part.Phi.leftCols(2 * n());
+    of.known = true;
+  } else {
+    find(variant.machine, tau_, held_, false, of);
+  }
+  return of.Phi;
+}
+
+void FamilyFlight::apply(const std::vector<OscillatorStep>& steps, Columns dx) const {
   for (auto column : dx.colwise()) {
-    if (held_ >= 0) {
-      term_ = column;
-      column.noalias() = held_step_.lazyProduct(term_);
-      continue;
-    }
     for (Eigen::Index i = 0; i < n(); ++i) {
-      steps_[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
+      steps[static_cast<std::size_t>(i)].apply(0.0, column[i], column[n() + i]);
     }
   }
 }
 
-// The motion of a mode minus its steady response to the harmonics; under the force of the records.
-FamilyFlight::FreePart FamilyFlight::free_part(Eigen::Index i, const Variant& variant) const {
-  const Machine& machine = variant.machine;
-  FreePart part{variant.x[i], variant.x[n() + i]};
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Complex steady = machine.response(i, g) *
-                           Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                           variant.harmonics[static_cast<std::size_t>(g)];
-    part.y -= steady.real();
-    part.u += machine.frequencies[g] * steady.imag();
+void FamilyFlight::apply(const Eigen::MatrixXd& Phi, ContactSet held, Columns dx) const {
+  if (held != 0) close(held, dx);
+  for (auto column : dx.colwise()) {
+    column_ = column;
+    column.noalias() = Phi.lazyProduct(column_);
   }
-  part.force = constant_force(i, variant);
-  for (Eigen::Index r = 0; r < machine.records(); ++r) {
-    part.force += machine.recorded_forces(i, r) * variant.recorded[static_cast<std::size_t>(r)][2];
-  }
-  part.acceleration = part.force - machine.C(i, 0) * part.u - machine.K(i, 0) * part.y;
-  return part;
 }
 
-// gap_response contains the steady response and the support's motion; the free part of x is added.
-Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
-  const Machine& machine = variant.machine;
+void FamilyFlight::carry(Columns dx) {
+  if (in_closed_form(held_)) {
+    apply(centre().steps, dx);
+  } else {
+    apply(whole(centre()), held_, dx);
+  }
+}
+
+void FamilyFlight::turn(double tau, ContactSet held, Columns dx) {
+  if (in_closed_form(held)) {
+    find_steps(centre().machine, tau, turn_steps_);
+    apply(turn_steps_, dx);
+  } else if (tau != 0.0) {
+    find(centre().machine, tau, held, false, turn_);
+    apply(turn_.Phi, held, dx);
+  }
+}
+
+void FamilyFlight::carry_by_unknown(Eigen::Index k, Vector dx) {
+  const auto j = static_cast<std::size_t>(1 + 2 * k);
+  const double h = 2.0 * difference_of_c;
+  if (!in_closed_form(0)) {
+    column_ = dx;
+    dx.noalias() = (whole(variants_[j]) - whole(variants_[j + 1])).lazyProduct(column_) / h;
+    return;
+  }
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const OscillatorStep& above = variants_[j].steps[static_cast<std::size_t>(i)];
+    const OscillatorStep& below = variants_[j + 1].steps[static_cast<std::size_t>(i)];
+    const double z = dx[i], v = dx[n() + i];
+    dx[i] = ((above.zz - below.zz) * z + (above.zv - below.zv) * v) / h;
+    dx[n() + i] = ((above.vz - below.vz) * z + (above.vv - below.vv) * v) / h;
+  }
+}
+
+double FamilyFlight::largest_frequency() const {
+  return std::sqrt(std::max(centre().machine.K.diagonal().maxCoeff(), 0.0));
+}
+
+double FamilyFlight::smallest_frequency() const {
+  double least = infinity;
+  for (const double k : centre().machine.K.diagonal()) {
+    if (k > 0.0) least = std::min(least, k);
+  }
+  return least < infinity ? std::sqrt(least) : 1.0;
+}
+
+// Derivative `order`, 0 or 1, of F_i.
+double FamilyFlight::applied(Eigen::Index i, int order, const Variant& variant) const {
+  const FamilyMachine& machine = variant.machine;
+  double force = order == 0 ? machine.constant_force[i] : 0.0;
+  for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+    const Complex F = machine.forces(i, h) * variant.harmonics[static_cast<std::size_t>(h)];
+    force += order == 0 ? F.real() : -machine.frequencies[h] * F.imag();
+  }
+  for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
+    force += family_.recorded_forces()(i, static_cast<Eigen::Index>(r)) *
+             variant.recorded[r][static_cast<std::size_t>(order) + 2];
+  }
+  return force;
+}
+
+// Sets a = y'' with the contacts `held` closed.
+void FamilyFlight::accelerate(const Variant& variant, ContactSet held, Eigen::VectorXd& a) const {
+  const FamilyMachine& machine = variant.machine;
+  const auto y = variant.x.head(n()), u = variant.x.tail(n());
+  a.noalias() = -machine.K.lazyProduct(y);
+  a.noalias() -= machine.C.lazyProduct(u);
+  for (Eigen::Index i = 0; i < n(); ++i) a[i] += applied(i, 0, variant);
+  if (held == 0) return;
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector gaps(G.rows()), lambda(G.rows());
+  Eigen::Index row = 0;
+  for_each(held, [&](int i) {
+    gaps[row++] = machine.W.col(i).dot(a) + support(i, variant).acceleration;
+  });
+  if (arrest(G, gaps, lambda) == Solved::yes) add_forces(machine, held, lambda, a);
+}
+
+// s_i(t) + c_i.
+Flight::Gap FamilyFlight::support(int contact, const Variant& variant) const {
+  const FamilyMachine& machine = variant.machine;
   Gap gap;
-  gap.g = variant.inputs[machine.driving() + machine.constant_forces.cols() + contact];
+  gap.g = machine.clearance[contact];
   gap.length = std::abs(gap.g);
-  for (Eigen::Index r = 0; r < machine.records(); ++r) {
-    const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
-    const double share = machine.shares(contact, r);
+  for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
+    const InputDerivatives& of = variant.recorded[r];
+    const double share = family_.shares()(contact, static_cast<Eigen::Index>(r));
     gap.g += share * of[0];
     gap.length += std::abs(share * of[0]);
     gap.velocity += share * of[1];
     gap.acceleration += share * of[2];
   }
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Complex z = Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                      variant.harmonics[static_cast<std::size_t>(g)];
-    const double Omega = machine.frequencies[g];
-    const Complex steady = machine.gap_response(contact, g) * z;
-    gap.g += steady.real();
-    // The rounding error of the angle Omega t is proportional to it.
-    gap.rounding += std::abs(steady) * std::abs(Omega * end_);
-    gap.velocity -= Omega * steady.imag();
-    gap.acceleration -= Omega * Omega * steady.real();
+  for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+    const Complex z = machine.motions(contact, h) * variant.harmonics[static_cast<std::size_t>(h)];
+    const double Omega = machine.frequencies[h];
+    gap.g += z.real();
+    gap.velocity -= Omega * z.imag();
+    gap.acceleration -= square(Omega) * z.real();
   }
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const FreePart part = free_part(i, variant);
-    const double w = machine.W(i, contact);
-    gap.g += w * part.y;
-    gap.length += std::abs(w * variant.x[i]);
-    gap.velocity += w * part.u;
-    gap.acceleration += w * part.acceleration;
-  }
-  gap.rounding += gap.length;
   return gap;
 }
 
-// The acceleration of the gap, a + w^T w lambda, is 0 while the contact is held.
+// Without the acceleration.
+Flight::Gap FamilyFlight::gap(int contact, const Variant& variant) const {
+  const FamilyMachine& machine = variant.machine;
+  Gap gap = support(contact, variant);
+  for (Eigen::Index i = 0; i < n(); ++i) {
+    const double w = machine.W(i, contact);
+    gap.g += w * variant.x[i];
+    gap.length += std::abs(w * variant.x[i]);
+    gap.velocity += w * variant.x[n() + i];
+  }
+  // The rounding error of an angle Omega t is proportional to it.
+  const double angle =
+      machine.frequencies.size() > 0 ? machine.frequencies.maxCoeff() * std::abs(end_) : 0.0;
+  gap.rounding = (1.0 + angle) * gap.length;
+  return gap;
+}
+
+Flight::Gap FamilyFlight::gap(int contact) const {
+  Gap of = gap(contact, centre());
+  accelerate(centre(), 0, a_);
+  of.acceleration += centre().machine.W.col(contact).dot(a_);
+  return of;
+}
+
 Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
-  const Machine& machine = variant.machine;
-  double a = 0.0, rate = 0.0, terms = 0.0;
-  for (Eigen::Index g = 0; g < machine.groups(); ++g) {
-    const Complex z = machine.gap_response(contact, g) *
-                      Complex(variant.inputs[2 * g], variant.inputs[2 * g + 1]) *
-                      variant.harmonics[static_cast<std::size_t>(g)];
-    const double Omega = machine.frequencies[g];
-    a -= Omega * Omega * z.real();
-    rate += Omega * Omega * Omega * z.imag();
-    terms += Omega * Omega * std::abs(z) * (1.0 + std::abs(Omega * end_));
-  }
-  const auto w = machine.W.col(contact);
-  for (Eigen::Index r = 0; r < machine.records(); ++r) {
-    const InputDerivatives& of = variant.recorded[static_cast<std::size_t>(r)];
-    const double share = machine.shares(contact, r);
-    a += share * of[2];
-    rate += (share + w.dot(machine.recorded_forces.col(r))) * of[3];
-    terms += std::abs(share * of[2]);
-  }
+  const FamilyMachine& machine = variant.machine;
+  const ContactSet held = held_ | bit(contact);
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector gaps(G.rows()), lambda(G.rows());
+  accelerate(variant, 0, a_);
+  double terms = 0.0;
   for (Eigen::Index i = 0; i < n(); ++i) {
-    const FreePart part = free_part(i, variant);
-    a += w[i] * part.acceleration;
-    terms += 2.0 * std::abs(w[i]) *
-             (std::abs(part.force) + std::abs(machine.C(i, 0) * part.u) +
-              std::abs(machine.K(i, 0) * variant.x[i]));
+    const double w = machine.W(i, contact), y = variant.x[i], u = variant.x[n() + i];
+    terms += std::abs(w) * (std::abs(applied(i, 0, variant)) + std::abs(machine.C(i, i) * u) +
+                            std::abs(machine.K(i, i) * y));
   }
-  const double lambda = -a / w.squaredNorm();
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const FreePart part = free_part(i, variant);
-    const double acceleration = part.acceleration + w[i] * lambda;
-    rate -= w[i] * (machine.C(i, 0) * acceleration + machine.K(i, 0) * part.u);
-  }
-  return {-a, -rate, 0.0, terms, terms};
+  const auto solve = [&](const auto& acceleration_of) {
+    Eigen::Index row = 0, of_contact = 0;
+    for_each(held, [&](int i) {
+      if (i == contact) of_contact = row;
+      gaps[row++] = acceleration_of(i);
+    });
+    return arrest(G, gaps, lambda) == Solved::yes ? lambda[of_contact] : 0.0;
+  };
+  Gap of;
+  of.g = solve([&](int i) { return machine.W.col(i).dot(a_) + support(i, variant).acceleration; });
+  add_forces(machine, held, lambda, a_);
+  for (Eigen::Index i = 0; i < n(); ++i) rate_[i] = applied(i, 1, variant);
+  of.velocity = solve([&](int i) {
+    double rate = machine.W.col(i).dot(rate_) - machine.KW.col(i).dot(variant.x.tail(n())) -
+                  machine.CW.col(i).dot(a_);
+    for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+      const double Omega = machine.frequencies[h];
+      const Complex z = machine.motions(i, h) * variant.harmonics[static_cast<std::size_t>(h)];
+      rate += Omega * square(Omega) * z.imag();
+    }
+    for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
+      rate += family_.shares()(i, static_cast<Eigen::Index>(r)) * variant.recorded[r][3];
+    }
+    return rate;
+  });
+  const double angle =
+      machine.frequencies.size() > 0 ? machine.frequencies.maxCoeff() * std::abs(end_) : 0.0;
+  of.length = of.rounding = 2.0 * (1.0 + angle) * terms / machine.G(contact, contact);
+  return of;
 }
 
 void FamilyFlight::differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
@@ -509,75 +594,84 @@ void FamilyFlight::differences(int contact, bool of_force, Vector of_g, Vector o
 }
 
 void FamilyFlight::gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const {
-  const Machine& machine = centre().machine;
+  const FamilyMachine& machine = centre().machine;
   of_g.setZero();
   of_velocity.setZero();
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    const double w = machine.W(i, contact);
-    of_g[i] = of_force ? w * machine.K(i, 0) : w;
-    (of_force ? of_g : of_velocity)[n() + i] = of_force ? w * machine.C(i, 0) : w;
+  if (!of_force) {
+    of_g.head(n()) = of_velocity.tail(n()) = machine.W.col(contact);
+    return;
   }
+  const ContactSet held = held_ | bit(contact);
+  const ContactMatrix G = of_contacts(machine.G, held);
+  ContactVector unit(G.rows()), share(G.rows());
+  Eigen::Index row = 0;
+  for_each(held, [&](int i) { unit[row++] = i == contact ? -1.0 : 0.0; });
+  if (arrest(G, unit, share) != Solved::yes) return;
+  row = 0;
+  for_each(held, [&](int i) {
+    of_g.head(n()) += share[row] * machine.KW.col(i);
+    of_g.tail(n()) += share[row++] * machine.CW.col(i);
+  });
 }
 
-// A contact that stays closed has restitution 0.
-void FamilyFlight::strike(int contact, bool stays, Variant& variant) {
-  const double gamma = gap(contact, variant).velocity;
-  const auto w = variant.machine.W.col(contact);
-  if (stays) {
-    variant.x.tail(n()) -= (gamma / w.squaredNorm()) * w;
-  } else {
-    variant.x.tail(n()) -= gamma * variant.machine.jump.col(contact);
-  }
+void FamilyFlight::acceleration_gradient(int contact, Vector of) const {
+  of.head(n()) = -centre().machine.KW.col(contact);
+  of.tail(n()) = -centre().machine.CW.col(contact);
 }
 
-ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet) {
-  struck_ = contact;
-  stays_ = stays;
-  const Gap before = gap(contact);
-  const Machine& machine = centre().machine;
-  const auto w = machine.W.col(contact);
-  const auto jump = machine.jump.col(contact);
+void FamilyFlight::find_jump(int contact, bool stays, ContactSet others, const Variant& variant,
+                             Jump& jump) const {
+  const FamilyMachine& machine = variant.machine;
+  const double epsilon = stays ? 0.0 : machine.restitution[contact];
+  jump.change = 1.0 + epsilon;
+  jump.direction = machine.W.col(contact) / machine.G(contact, contact);
+  jump.staying = others;
+  if (others == 0) return;
+  const SingleImpact impact = single_impact(machine.G, family_.scene().model.law,
+                                            machine.restitution, contact, epsilon, others);
+  if (impact.solved != Solved::yes) return;
+  jump.change = impact.change;
+  jump.direction.setZero();
+  add_forces(machine, others | bit(contact), impact.Lambda, jump.direction);
+  // The end of a completed chatter releases no contact.
+  if (!(stays && machine.restitution[contact] > 0.0)) jump.staying = impact.staying;
+}
+
+ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet held) {
+  contact_ = contact;
+  const ContactSet own = bit(contact), others = held & ~own;
+  find_jump(contact, stays, others, centre(), struck_);
+  const ContactSet after = stays ? struck_.staying | own : struck_.staying;
   // by_time_ = f-(x-) - f+(x+) - (d/dt jump), with the rates f- and f+ of x before and after the
-  // impact. f+ includes the contact force if the contact stays closed.
-  double along = 0.0;
-  for (Eigen::Index i = 0; i < n(); ++i) {
-    by_time_[i] = (stays ? w[i] / w.squaredNorm() : jump[i]) * before.velocity;
-    by_time_[n() + i] = -machine.C(i, 0) * by_time_[i];
-    along += w[i] * by_time_[n() + i];
+  // impact, which include the forces of held contacts.
+  accelerate(centre(), others, a_);
+  by_time_.tail(n()) = a_;
+  const double acceleration =
+      centre().machine.W.col(contact).dot(a_) + support(contact, centre()).acceleration;
+  by_time_.tail(n()) -= (struck_.change * acceleration) * struck_.direction;
+  by_time_.head(n()) = (struck_.change * gap(contact, centre()).velocity) * struck_.direction;
+  for (std::size_t j = 0; j < used(); ++j) {
+    Variant& variant = variants_[j];
+    find_jump(contact, stays, others, variant, jump_);
+    variant.x.tail(n()) -= (jump_.change * gap(contact, variant).velocity) * jump_.direction;
   }
-  if (stays) {
-    by_time_.tail(n()) -= (along / w.squaredNorm()) * w;
-  } else {
-    by_time_.tail(n()) -= before.acceleration * jump;
-  }
-  const std::size_t count = derivatives_ ? variants_.size() : 1;
-  for (std::size_t j = 0; j < count; ++j) strike(contact, stays, variants_[j]);
+  accelerate(centre(), after, a_);
+  by_time_.tail(n()) -= a_;
   difference();
-  return stays ? bit(contact) : 0;
-}
-
-double FamilyFlight::restitution(int contact) const {
-  const Machine& machine = centre().machine;
-  return machine.W.col(contact).dot(machine.jump.col(contact)) - 1.0;
-}
-
-void FamilyFlight::along(int contact, Vector dx) const {
-  const auto w = centre().machine.W.col(contact);
-  dx.head(n()).setZero();
-  dx.tail(n()) = w / w.squaredNorm();
+  return after;
 }
 
 void FamilyFlight::carry_through(Columns dx) const {
-  const Machine& machine = centre().machine;
-  const auto w = machine.W.col(struck_);
+  const auto w = centre().machine.W.col(contact_);
   for (auto column : dx.colwise()) {
-    const double gamma = w.dot(column.tail(n()));
-    if (stays_) {
-      column.tail(n()) -= (gamma / w.squaredNorm()) * w;
-    } else {
-      column.tail(n()) -= gamma * machine.jump.col(struck_);
-    }
+    column.tail(n()) -= (struck_.change * w.dot(column.tail(n()))) * struck_.direction;
   }
+}
+
+void FamilyFlight::along(int contact, Vector dx) const {
+  const FamilyMachine& machine = centre().machine;
+  dx.head(n()).setZero();
+  dx.tail(n()) = machine.W.col(contact) / machine.G(contact, contact);
 }
 
 void FamilyFlight::enter(const ConstVector& q, const ConstVector& u, double, Vector x) {
@@ -586,8 +680,8 @@ void FamilyFlight::enter(const ConstVector& q, const ConstVector& u, double, Vec
 }
 
 void FamilyFlight::state(const ConstVector& x, double, Vector q, Vector u) {
-  q.noalias() = family_->V().lazyProduct(x.head(n()));
-  u.noalias() = family_->V().lazyProduct(x.tail(n()));
+  q.noalias() = family_.V().lazyProduct(x.head(n()));
+  u.noalias() = family_.V().lazyProduct(x.tail(n()));
 }
 
 double FamilyFlight::twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const {

@@ -1,57 +1,55 @@
-// Flight and impact of the machines that the unknowns of a scene span (machine_family.h), free or
-// with one contact closed,
+// Flight and impact of the machines that the unknowns of a scene span (family_machine.h),
 //
-//   y'' + C y' + K y = F(t) + w lambda,   w^T y'' + s'' = 0 while it is closed,
+//   y'' + C y' + K y = F(t) + W lambda,   w_i^T y'' + s_i'' = 0 for each held contact i,
 //
-// in x = (y, y') with the modal coordinates y of q = V y. Derivatives by x are in closed form.
-// Derivatives by the coordinates c of the unknowns are central differences, each between two
-// machines of the family.
+// in x = (y, y') with the modes y of the nominal machine. With H the held contacts, the contact
+// forces are lambda_H = -G_HH^-1 (W_H^T y''_free + s_H''), so that x' = A_H x + B_H i(t). The
+// inputs i(t) are 1, cos and sin of each harmonic, and a(t) with three derivatives of each record,
+// which are linear in themselves. A flight is the exponential of this linear system, from one knot
+// of the records to the next. Free flight of uncoupled modes has a closed form.
+//
+// Derivatives by x are exact. Derivatives by the coordinates c of the unknowns are central
+// differences, each between two machines of the family.
 #pragma once
 
 #include <Eigen/Core>
 #include <complex>
 #include <vector>
 
+#include "sprag/detail/filter/family_machine.h"
 #include "sprag/detail/filter/flight.h"
-#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/input_cursor.h"
+#include "sprag/detail/mechanics/matrix_exponential.h"
 #include "sprag/detail/mechanics/oscillators.h"
 
 namespace sprag {
 
 class FamilyFlight final : public Flight {
  public:
-  /// The family must be modal and must outlive this.
-  explicit FamilyFlight(const MachineFamily& family);
+  /// Throws ModelError if M is not positive definite.
+  FamilyFlight(const Scene& scene, std::vector<Unknown> unknowns);
 
-  Eigen::Index n() const override { return family_->n(); }
-  Eigen::Index unknowns() const override { return std::ssize(family_->unknowns()); }
-  int contacts() const override { return family_->contacts(); }
+  Eigen::Index n() const override { return family_.n(); }
+  Eigen::Index unknowns() const override { return std::ssize(family_.unknowns()); }
+  int contacts() const override { return family_.contacts(); }
   void set(const ConstVector& c, bool derivatives) override;
-  /// At most one contact, for a limited duration: a flight with a closed contact is a Taylor
-  /// series, in steps in which no angle turns by more than 1.
-  bool can_hold(ContactSet held, double duration) const override;
+  bool can_hold(ContactSet held) const override { return independent(0, held) == held; }
   ContactSet independent(ContactSet first, ContactSet closed) const override;
   void fly(const ConstVector& x, double t, double tau, ContactSet held) override;
   void fly_on(double tau, ContactSet held) override;
   void carry(Columns dx) override;
-  void carry_by_unknown(Eigen::Index k, Vector dx) const override;
-  bool changes_flow(Eigen::Index k) const override {
-    return variants_[static_cast<std::size_t>(1 + 2 * k)].own_flow;
-  }
+  void carry_by_unknown(Eigen::Index k, Vector dx) override;
+  bool changes_flow(Eigen::Index k) const override { return family_.changes_flow(k); }
   void turn(double tau, ContactSet held, Columns dx) override;
   double largest_frequency() const override;
   double smallest_frequency() const override;
-  Gap gap(int contact) const override { return gap(contact, centre()); }
+  Gap gap(int contact) const override;
   double open_for() override { return 0.0; }
-  /// g is w^T w lambda.
   Gap force(int contact) const override { return force(contact, centre()); }
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
-  void acceleration_gradient(int, Vector of) const override { of.setZero(); }
+  void acceleration_gradient(int contact, Vector of) const override;
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
-  bool can_strike(int contact, ContactSet held) const override {
-    return (held & ~bit(contact)) == 0;
-  }
   ContactSet strike(int contact, bool stays, ContactSet held) override;
   void carry_through(Columns dx) const override;
   /// Not supported and not needed: with uncertain parameters event times are never exact.
@@ -61,7 +59,7 @@ class FamilyFlight final : public Flight {
   }
   const Eigen::VectorXd& by_time() const override { return by_time_; }
   void along(int contact, Vector dx) const override;
-  double restitution(int contact) const override;
+  double restitution(int contact) const override { return centre().machine.restitution[contact]; }
   void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) override;
   void state(const ConstVector& x, double t, Vector q, Vector u) override;
   const Eigen::MatrixXd& to_state() const override { return to_state_; }
@@ -69,61 +67,87 @@ class FamilyFlight final : public Flight {
   double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const override;
 
  private:
+  // (x, i) -> x over a part of a flight, or x -> x.
+  struct Transition {
+    Eigen::MatrixXd Phi;  // 2n rows
+    double tau = 0.0;
+    ContactSet held = 0;
+    bool known = false;
+  };
   struct Variant {
-    Machine machine;
-    Eigen::VectorXd inputs;
-    bool own_flow = false;              // C or K differs from the centre's
-    std::vector<OscillatorStep> steps;  // of the last free flight, if own_flow
+    FamilyMachine machine;
+    bool own_flow = false;           // C or K differs from the centre's
+    bool moves_like_centre = false;  // FamilyMachine::moves_like()
     Eigen::VectorXd x;
-    std::vector<std::complex<double>>
-        harmonics;  // exp(i Omega t) of each group, at the end of the flight
-    std::vector<std::complex<double>> derivatives;  // scratch of a Taylor series
-    std::vector<InputDerivatives> recorded;         // each record, at the end of the flight
+    std::vector<std::complex<double>> harmonics;  // e^(i Omega t) at the end of the flight
+    std::vector<InputDerivatives> recorded;       // each record there
+    // Of the last flight: in closed form; of its last part; of its parts from knot to knot; of all
+    // of it, without inputs.
+    std::vector<OscillatorStep> steps;
+    Transition part, interval, whole;
+  };
+  // Impact of one contact: u+ = u- - change gamma- direction.
+  struct Jump {
+    Eigen::VectorXd direction;
+    double change = 0.0;
+    ContactSet staying = 0;
   };
 
   Variant& centre() { return variants_.front(); }
   const Variant& centre() const { return variants_.front(); }
-  void set_machine(const Eigen::VectorXd& values, Variant& variant) const;
-  void find_steps(const Variant& variant, double tau, std::vector<OscillatorStep>& steps) const;
+  std::size_t used() const { return derivatives_ ? variants_.size() : 1; }
+  bool in_closed_form(ContactSet held) const { return held == 0 && family_.uncoupled(); }
+  Eigen::Index first_record() const;
+
+  void start(double tau, ContactSet held);
   void fly(const ConstVector& x, double t, double tau, Variant& variant);
-  // Calls move(part) for each part of a flight from t by tau in which every record is a polynomial.
-  // variant.recorded is that at the start of the part.
   template <class Move>
   void along_records(double t, double tau, Variant& variant, const Move& move);
-  // Moves the free part of variant.x by a part of a flight.
-  void move_free(double part, const std::vector<OscillatorStep>& steps, Variant& variant) const;
-  double constant_force(Eigen::Index i, const Variant& variant) const;
+  void set_phases(double t, Variant& variant) const;
   void add_steady(double sign, Variant& variant) const;
-  void strike(int contact, bool stays, Variant& variant);
-  void hold(int contact, double tau, Variant& variant);
-  double steps_of_holding(double tau) const;
-  void hold_homogeneous(int contact, double tau);
-  void move(double tau, int held);
-  void add_held_terms(const Machine& machine, int contact, double share);
-  void add_held_inputs(int contact, int order, double share, double power, Variant& variant);
-  // Free part of a mode: position, velocity, constant force, acceleration without contact forces.
-  struct FreePart {
-    double y = 0.0, u = 0.0, force = 0.0, acceleration = 0.0;
-  };
-  FreePart free_part(Eigen::Index i, const Variant& variant) const;
+  void find_steps(const FamilyMachine& machine, double tau,
+                  std::vector<OscillatorStep>& steps) const;
+  void move_free(double part, Variant& variant) const;
+  void move(double part, Transition& with, Variant& variant);
+  void close(ContactSet held, Variant& variant) const;
+  void close(ContactSet held, Columns dx) const;
+  void find(const FamilyMachine& machine, double tau, ContactSet held, bool with_inputs,
+            Transition& of);
+  void set_generator(const FamilyMachine& machine, ContactSet held, bool with_inputs,
+                     Eigen::Ref<Eigen::MatrixXd> A) const;
+  const Eigen::MatrixXd& whole(Variant& variant);
+  void apply(const std::vector<OscillatorStep>& steps, Columns dx) const;
+  void apply(const Eigen::MatrixXd& Phi, ContactSet held, Columns dx) const;
+
+  void add_forces(const FamilyMachine& machine, ContactSet held, const ContactVector& lambda,
+                  Eigen::Ref<Eigen::VectorXd> u) const;
+  void accelerate(const Variant& variant, ContactSet held, Eigen::VectorXd& a) const;
+  double applied(Eigen::Index i, int order, const Variant& variant) const;
+  Gap support(int contact, const Variant& variant) const;
   Gap gap(int contact, const Variant& variant) const;
   Gap force(int contact, const Variant& variant) const;
+  void find_jump(int contact, bool stays, ContactSet others, const Variant& variant,
+                 Jump& jump) const;
   void difference();
 
-  const MachineFamily* family_;
+  FamilyOfMachines family_;
   std::vector<InputCursor> cursors_;
   std::vector<Variant> variants_;  // the centre; then two for each unknown, c_k +- difference_of_c
   bool derivatives_ = false;
   Eigen::VectorXd c_, values_;
-  std::vector<OscillatorStep> steps_, turn_;
   Eigen::VectorXd by_time_, stiffness_;
   Eigen::MatrixXd to_state_, from_state_;
-  double end_ = 0.0;  // end of the flight [s]
-  int held_ = -1;     // contact held in that flight, -1: none
-  int struck_ = 0;
-  bool stays_ = false;
-  Eigen::MatrixXd held_step_;    // 2n x 2n
-  Eigen::VectorXd term_, next_;  // scratch of the Taylor series
+  double end_ = 0.0, tau_ = 0.0;  // end and duration of the last flight [s]
+  ContactSet held_ = 0;           // contacts held in it
+  std::vector<OscillatorStep> turn_steps_;
+  Transition turn_;
+  MatrixExponential exponential_;
+  Jump struck_, jump_;
+  int contact_ = 0;  // of strike()
+  // Scratch.
+  Eigen::MatrixXd generator_;
+  Eigen::VectorXd scale_, inputs_;
+  mutable Eigen::VectorXd a_, rate_, column_;
 };
 
 }  // namespace sprag

@@ -4,8 +4,7 @@
 // c of P uncertain parameters; P = 0 for an exact model.
 //
 // Implementations: ModelFlight (exact flows of one model, any damping, any locked set) and
-// FamilyFlight (the machines that the uncertain parameters span, modal damping, at most one closed
-// contact).
+// FamilyFlight (the machines that the uncertain parameters span, any damping, any held set).
 #pragma once
 
 #include <Eigen/Core>
@@ -30,9 +29,9 @@ class Flight {
   /// also compute the derivatives by c.
   virtual void set(const ConstVector& c, bool derivatives) = 0;
 
-  /// Whether a flight of this duration [s] with these contacts closed can be computed at acceptable
-  /// cost.
-  virtual bool can_hold(ContactSet held, double duration) const = 0;
+  /// Whether a flight with these contacts closed can be computed: their directions must be linearly
+  /// independent.
+  virtual bool can_hold(ContactSet held) const = 0;
   /// Returns the contacts of `closed` that can be held together, that is with linearly independent
   /// directions. Those of `first` have priority.
   virtual ContactSet independent(ContactSet first, ContactSet closed) const = 0;
@@ -51,7 +50,7 @@ class Flight {
   virtual void carry(Columns dx) = 0;
   /// After a free fly(): maps a deviation of x in place by d^2 x / (dx(start) dc_k), for k with
   /// changes_flow(k).
-  virtual void carry_by_unknown(Eigen::Index k, Vector dx) const = 0;
+  virtual void carry_by_unknown(Eigen::Index k, Vector dx) = 0;
   virtual bool changes_flow(Eigen::Index k) const = 0;
   /// Maps deviations in place by the homogeneous flow over tau with these contacts closed. Does not
   /// change the last flight.
@@ -81,8 +80,6 @@ class Flight {
   /// Total derivatives d(g, velocity) / dc since fly(), of gap() or of force(), P entries each.
   virtual void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const = 0;
 
-  /// Whether an impact of the contact while `held` are closed can be computed.
-  virtual bool can_strike(int contact, ContactSet held) const = 0;
   /// After fly(): applies the impact of a contact while `held` are closed. x() and by_unknowns()
   /// then refer to the state after the impact. `stays`: the contact stays closed, with restitution
   /// 0.

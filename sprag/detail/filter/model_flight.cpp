@@ -44,6 +44,8 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
   by_c_.resize(2 * f_, 0);
   for (Eigen::VectorXd* of : {&u_before_, &difference_}) of->setZero(f_);
   gaps_.setZero(contacts());
+  restitution_.resize(contacts());
+  for (int i = 0; i < contacts(); ++i) restitution_[i] = restitution(i);
   closings_.reserve(static_cast<std::size_t>(contacts()));
   for (int i = 0; i < contacts(); ++i) gaps_to_watch_.push_back({&flow.gap(i), 1.0, 0, i});
   search_.reserve(gaps_to_watch_.size(), flow.size());
@@ -51,11 +53,11 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
 }
 
 void ModelFlight::set(const ConstVector&, bool) {}
-void ModelFlight::carry_by_unknown(Eigen::Index, Vector) const {}
+void ModelFlight::carry_by_unknown(Eigen::Index, Vector) {}
 bool ModelFlight::changes_flow(Eigen::Index) const { return false; }
 void ModelFlight::differences(int, bool, Vector, Vector) const {}
 
-bool ModelFlight::can_hold(ContactSet held, double) const {
+bool ModelFlight::can_hold(ContactSet held) const {
   return held == 0 || flows_->find(held) != nullptr;
 }
 
@@ -252,7 +254,8 @@ ContactSet ModelFlight::strike(int contact, bool stays, ContactSet held) {
   direction_ = kicks_.col(contact) / dynamics.G()(contact, contact);
   ContactSet staying = held & ~own;
   if (staying != 0) {
-    const SingleImpact impact = single_impact(dynamics, contact, epsilon, staying);
+    const SingleImpact impact =
+        single_impact(dynamics.G(), model().law, restitution_, contact, epsilon, staying);
     if (impact.solved == Solved::yes) {
       change_ = impact.change;
       direction_.setZero();

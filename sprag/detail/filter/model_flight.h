@@ -24,12 +24,12 @@ class ModelFlight final : public Flight {
   Eigen::Index unknowns() const override { return 0; }
   int contacts() const override { return flows_->dynamics().contacts(); }
   void set(const ConstVector& c, bool derivatives) override;
-  bool can_hold(ContactSet held, double duration) const override;
+  bool can_hold(ContactSet held) const override;
   ContactSet independent(ContactSet first, ContactSet closed) const override;
   void fly(const ConstVector& x, double t, double tau, ContactSet held) override;
   void fly_on(double tau, ContactSet held) override;
   void carry(Columns dx) override;
-  void carry_by_unknown(Eigen::Index k, Vector dx) const override;
+  void carry_by_unknown(Eigen::Index k, Vector dx) override;
   bool changes_flow(Eigen::Index k) const override;
   void turn(double tau, ContactSet held, Columns dx) override;
   double largest_frequency() const override { return fastest_; }
@@ -40,7 +40,6 @@ class ModelFlight final : public Flight {
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int contact, Vector of) const override;
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
-  bool can_strike(int, ContactSet) const override { return true; }
   ContactSet strike(int contact, bool stays, ContactSet held) override;
   void carry_through(Columns dx) const override;
   bool strike_together(ContactSet closing, ContactSet staying, ContactSet kept, ContactSet leaving,
@@ -79,7 +78,8 @@ class ModelFlight final : public Flight {
   // Impact of strike(): x += -change_ gamma direction_.
   Eigen::VectorXd direction_, by_velocity_, by_time_;
   double change_ = 0.0;
-  ActiveImpact impact_;  // of strike_together()
+  Eigen::VectorXd restitution_;  // m entries
+  ActiveImpact impact_;          // of strike_together()
   std::vector<Closing> closings_;
   Eigen::VectorXd u_before_, difference_;
   Eigen::VectorXd no_gaps_;  // empty

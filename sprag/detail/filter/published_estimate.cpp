@@ -124,7 +124,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
   bool moved = false;
   for (int i = 0; i < flight().contacts(); ++i) {
     const bool opens = contains(belief.held, i);
-    if (opens ? contains(belief.bursting, i) : !flight().can_strike(i, belief.held)) continue;
+    if (opens && contains(belief.bursting, i)) continue;
     if (moved) at_->fly(t, belief.z, belief);
     moved = false;
     const auto signal = [&] { return opens ? flight().force(i) : flight().gap(i); };

@@ -55,33 +55,15 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
   return model;
 }
 
-// Throws ModelError if a FamilyFlight cannot take the family. `where`: the table or key of the
-// scene that lists the unknowns.
-const MachineFamily& require_modal(const MachineFamily& family, const std::string& where) {
-  for (const Unknown& unknown : family.unknowns()) {
-    if (is_common(unknown)) {
-      throw ModelError(
-          where + ": " + unknown.key +
-          " stands for several numbers that differ; an adaptive estimator seeks them one by "
-          "one");
-    }
-    if (is_of_clock(unknown)) {
-      throw ModelError(where + ": " + unknown.key +
-                       " is of the contact clock, which an adaptive estimator does not seek");
-    }
+// Throws ModelError if the filter cannot estimate these. `where`: the table or key of the scene
+// that lists them.
+void check(const std::vector<Unknown>& unknowns, const std::string& where) {
+  for (const Unknown& unknown : unknowns) {
     if (can_be_filtered(unknown)) continue;
-    throw ModelError(
-        where + ": " + unknown.key +
-        " is a single entry; an adaptive estimator seeks system.C and system.K as factors "
-        "alone");
+    throw ModelError(where + ": " + unknown.key +
+                     " is of the contact clock, which a filter cannot estimate");
   }
-  if (!family.modal()) {
-    throw ModelError("system.C couples the modes of M and K; " +
-                     std::string(where == "parameters" ? "[parameters]" : "an adaptive estimator") +
-                     " needs damping that does not, as C = a M + b K");
-  }
-  if (family.unknowns().empty()) throw ModelError("adaptive estimation has nothing that is free");
-  return family;
+  if (unknowns.empty()) throw ModelError("adaptive estimation has nothing that is free");
 }
 
 }  // namespace
@@ -95,11 +77,11 @@ SceneFilter::SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows)
 }
 
 SceneFilter::SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior)
-    : family(std::make_unique<MachineFamily>(scene, std::move(unknowns))),
-      flight(std::make_unique<FamilyFlight>(
-          require_modal(*family, from_prior ? "parameters" : "adapt.free"))),
+    : family(std::make_unique<MachineFamily>(scene, unknowns)),
+      flight(std::make_unique<FamilyFlight>(scene, std::move(unknowns))),
       filter(*flight, model_of(scene, *flight, from_prior)),
       keys(keys_of(family->unknowns())) {
+  check(family->unknowns(), from_prior ? "parameters" : "adapt.free");
   sigma = std::max(scene.prior.jitter, least_sigma / flight->smallest_frequency());
   if (from_prior) {
     prior = scene.prior.parameters.root_of_covariance();

@@ -25,7 +25,7 @@ struct SceneFilter {
   /// \param from_prior  true: the parameters have the prior of [parameters]; false: identification
   ///                    gives their first estimate
   ///
-  /// \throws ModelError  if the scene's damping couples the modes, or an unknown is unsupported
+  /// \throws ModelError  if an unknown is of the contact clock, or if there is none
   SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
 
   /// Sets mean and covariance of the parameters to their prior.

@@ -94,9 +94,7 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
   filter.filter.restart(state.window.begins, filter.x, filter.start, state.chi, filter.next);
   note_start(filter.next);
   state.window.accepted = state.window.begins;
-  const bool held =
-      filter.flight->can_hold(state.chi, 0.0) && (filter.prior.size() == 0 || state.chi == 0);
-  if (!set_belief(filter.next, state) || !held) return lose(state);
+  if (!set_belief(filter.next, state) || !filter.flight->can_hold(state.chi)) return lose(state);
   state.track.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
 
@@ -314,13 +312,9 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   FilterBelief& next = filter.next;
   next = *state.belief;
   const ContactEvent& event = events.back();
-  const bool reachable =
-      filter.filter.can_reach(event.t, next) && filter.filter.can_separate(events, next) &&
-      std::ranges::all_of(events, [&](const ContactEvent& each) {
-        return filter.flight->can_strike(each.contact, next.held & ~bit(each.contact));
-      });
-  const bool taken = reachable && filter.filter.take(events, next);
-  if (!reachable || !filter.flight->can_hold(next.held, 0.0)) return lose(state);
+  const bool separable = filter.filter.can_separate(events, next);
+  const bool taken = separable && filter.filter.take(events, next);
+  if (!separable || !filter.flight->can_hold(next.held)) return lose(state);
   state.track.mean_square += (next.square - state.track.mean_square) / thresholds_.window;
   if (!taken || !(next.square < thresholds_.innovation) ||
       !(state.track.mean_square < thresholds_.mean_innovation)) {
@@ -445,7 +439,7 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
   while (state.belief && state.track.status != TrackStatus::lost) {
     const double end = EventFilter::end_of_burst(*state.belief);
     const double until = std::min(t, end);
-    if (!look(until, state)) return lose(state);
+    look(until, state);
     if (state.silence.overdue >= 0 && state.silence.missing_from <= until) {
       const double from = state.silence.missing_from;
       const Inconsistency inconsistency{from, state.silence.overdue, Suspicion::missing_event, 0.0};
@@ -466,16 +460,14 @@ void TrackingEstimator::watch(double t, TrackingState& state) {
   }
 }
 
-// Checks for an overdue event up to t, at times that do not depend on t. Returns false if the
-// flight to such a time cannot be computed.
-bool TrackingEstimator::look(double t, TrackingState& state) {
+// Checks for an overdue event up to t, at times that do not depend on t.
+void TrackingEstimator::look(double t, TrackingState& state) {
   EventFilter& filter = filter_->filter;
   const FilterBelief& belief = *state.belief;
   while (state.silence.overdue < 0 && state.silence.next_look <= t) {
     const double now = state.silence.next_look;
     state.silence.next_look = now + until_next_look(now, state);
     if (!(now > belief.t)) continue;
-    if (!filter.can_reach(now, belief)) return false;
     state.silence.overdue = filter.overdue(now, belief);
     if (state.silence.overdue < 0) {
       state.silence.open_until = filter.open_until(now, belief);
@@ -491,7 +483,6 @@ bool TrackingEstimator::look(double t, TrackingState& state) {
         thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
     state.silence.missing_from = std::max(now, crossing + late);
   }
-  return true;
 }
 
 // Interval to the next check at t. It assumes that a flight takes about as long as the previous
@@ -519,10 +510,7 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   if (!state.belief) return;
   SceneFilter& filter = *filter_;
   const bool exact_parameters = filter.flight->unknowns() == 0;
-  if (exact_parameters ? (state.inside != 0 || !filter.flight->can_hold(state.chi, 0.0))
-                       : state.chi != 0) {
-    return;
-  }
+  if ((exact_parameters && state.inside != 0) || !filter.flight->can_hold(state.chi)) return;
   find_replica(state, t);
   filter.next = *state.belief;
   // After a loss without a gate failure the inflation follows from the distance, in energy, between

@@ -212,7 +212,7 @@ class TrackingEstimator {
   void begin_window(std::int64_t event, TrackingState& state) const;
   void find_replica(const TrackingState& state, double t);
   void watch(double t, TrackingState& state);
-  bool look(double t, TrackingState& state);
+  void look(double t, TrackingState& state);
   double until_next_look(double t, const TrackingState& state) const;
   void describe(const BeliefRef& before, const ContactEvent& event, const TrackingState& state,
                 ImpactRecord& record);

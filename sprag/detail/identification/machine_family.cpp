@@ -31,14 +31,6 @@ void set_steady_response(const Machine& machine, double Omega, Eigen::Ref<Eigen:
   F = solve(Z, MatrixCR(F.cast<std::complex<Extended>>())).cast<Complex>();
 }
 
-bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
-  if (A.size() == 0) return true;
-  const double largest = A.cwiseAbs().maxCoeff();
-  Eigen::MatrixXd rest = A;
-  rest.diagonal().setZero();
-  return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
-}
-
 GapMotion recorded_gap(const Machine& machine, int contact, Eigen::Index r, double t) {
   RecordedMotion motion;
   (*machine.recorded)[static_cast<std::size_t>(r)].at(t - machine.delays[r], motion);

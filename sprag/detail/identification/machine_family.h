@@ -70,9 +70,6 @@ void add_driven_motion(const Machine& machine, const Eigen::VectorXd& inputs, do
 /// Replaces forces F e^(i Omega t), n x c, by the steady motions y e^(i Omega t) that they cause.
 void set_steady_response(const Machine& machine, double Omega, Eigen::Ref<Eigen::MatrixXcd> F);
 
-/// Whether the off-diagonal entries are rounding.
-bool is_nearly_diagonal(const Eigen::MatrixXd& A);
-
 class MachineFamily {
  public:
   /// Throws ModelError if M is not positive definite.

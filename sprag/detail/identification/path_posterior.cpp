@@ -94,7 +94,7 @@ void take(int contact, double t, double when, LinearizedFlight& at, Eigen::Vecto
 
 FilterBelief path_posterior(const MachineFamily& family, const FilterModel& model,
                             const Likelihood& path, const Stretches& measured, double sigma) {
-  FamilyFlight flight(family);
+  FamilyFlight flight(family.scene(), family.unknowns());
   EventFilter filter(flight, model);
   LinearizedFlight at(flight, filter.model());
   const std::vector<Unknown>& all = family.unknowns();

@@ -23,7 +23,7 @@ FilterModel noise_of(const MachineFamily& family) {
   FilterModel model{.walk = walk_of(family.scene(), std::ssize(family.unknowns()))};
   if (family.records().empty()) return model;
   const Eigen::MatrixXd noise = uncertainty_of(family.scene()).input_noise;
-  model.kicks = product(FamilyFlight(family).from_state().rightCols(family.n()), noise);
+  model.kicks = product(FamilyFlight(family.scene(), {}).from_state().rightCols(family.n()), noise);
   return model;
 }
 

@@ -47,6 +47,14 @@ Eigen::MatrixXd CholeskyFactor::solve(const Eigen::MatrixXd& B) const {
   return L_.triangularView<Eigen::Lower>().transpose().solve(solve_L(B));
 }
 
+bool is_nearly_diagonal(const Eigen::MatrixXd& A) {
+  if (A.size() == 0) return true;
+  const double largest = A.cwiseAbs().maxCoeff();
+  Eigen::MatrixXd rest = A;
+  rest.diagonal().setZero();
+  return rest.cwiseAbs().maxCoeff() <= 1e-12 * largest;
+}
+
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A) { return A.inverse(); }
 
 QR::QR(const Eigen::MatrixXd& A) {

@@ -25,6 +25,9 @@ Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
                           const Eigen::Ref<const Eigen::MatrixXd>& A);
 MatrixR congruent(const Eigen::Ref<const MatrixR>& B, const Eigen::Ref<const MatrixR>& A);
 
+/// Whether the off-diagonal entries are rounding.
+bool is_nearly_diagonal(const Eigen::MatrixXd& A);
+
 /// Inverse of a regular A, n x n.
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 MatrixR inverse(const MatrixR& A);

@@ -386,10 +386,7 @@ bool is_common(const Unknown& unknown) {
   return of_harmonics && unknown.index < 0;
 }
 
-bool can_be_filtered(const Unknown& unknown) {
-  return unknown.kind != Kind::damping_entry && unknown.kind != Kind::stiffness_entry &&
-         !is_common(unknown) && !is_of_clock(unknown);
-}
+bool can_be_filtered(const Unknown& unknown) { return !is_of_clock(unknown); }
 
 bool carries_scale(const Unknown& unknown) {
   return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
@@ -449,8 +446,10 @@ bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
                              of_scene(row - 1, column - 1));
   unknown.row = row - 1;
   unknown.column = column - 1;
-  unknown.unit_step =
-      unknown.nominal != 0.0 ? std::abs(unknown.nominal) : of_scene.cwiseAbs().maxCoeff();
+  const double largest = of_scene.cwiseAbs().maxCoeff();
+  unknown.unit_step = unknown.nominal != 0.0 ? std::abs(unknown.nominal)
+                      : largest > 0.0        ? largest
+                                             : 1.0;
   return true;
 }
 

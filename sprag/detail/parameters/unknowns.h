@@ -88,8 +88,7 @@ std::vector<Unknown> clock_unknowns(const Scene& scene);
 /// Whether it is one of clock_unknowns().
 bool is_of_clock(const Unknown& unknown);
 
-/// Whether a filter of state and parameters can estimate it: not a single entry of C or K, not one
-/// of common_unknowns() for harmonics, and not one of the clock.
+/// Whether a filter of state and parameters can estimate it: not one of the clock.
 bool can_be_filtered(const Unknown& unknown);
 
 /// Whether it sets the scale of the motion. Events determine other such parameters only relative to

@@ -14,27 +14,27 @@ constexpr double hardly_thrown = 1e-12;
 
 }  // namespace
 
-SingleImpact single_impact(const Dynamics& dynamics, int contact, double epsilon, ContactSet held) {
-  const Model& model = dynamics.model();
+SingleImpact single_impact(const Eigen::MatrixXd& G_all, ImpactLaw law,
+                           const Eigen::VectorXd& restitution, int contact, double epsilon,
+                           ContactSet held) {
   const ContactSet closed = held | bit(contact);
-  const ContactMatrix G = of_contacts(dynamics.G(), closed);
+  const ContactMatrix G = of_contacts(G_all, closed);
   ContactVector all_epsilon(G.rows()), gamma(G.rows()), gamma_plus;
   Eigen::Index row = 0, of_contact = 0;
   for_each(closed, [&](int j) {
     if (j == contact) of_contact = row;
     gamma[row] = j == contact ? -1.0 : 0.0;
-    all_epsilon[row++] =
-        j == contact ? epsilon : model.contacts[static_cast<std::size_t>(j)].restitution;
+    all_epsilon[row++] = j == contact ? epsilon : restitution[j];
   });
   SingleImpact of;
-  of.solved = impact(model.law, G, all_epsilon, gamma, of.Lambda, gamma_plus);
+  of.solved = impact(law, G, all_epsilon, gamma, of.Lambda, gamma_plus);
   if (of.solved != Solved::yes) return of;
   of.change = 1.0 + gamma_plus[of_contact];
   of.Lambda /= of.change;
   row = 0;
   for_each(closed, [&](int j) {
-    const double leaves = gamma_plus[row++] * std::sqrt(dynamics.G()(contact, contact));
-    const bool stays = leaves <= hardly_thrown * std::sqrt(dynamics.G()(j, j));
+    const double leaves = gamma_plus[row++] * std::sqrt(G_all(contact, contact));
+    const bool stays = leaves <= hardly_thrown * std::sqrt(G_all(j, j));
     if (j != contact && stays) of.staying |= bit(j);
   });
   return of;

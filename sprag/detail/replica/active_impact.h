@@ -33,7 +33,10 @@ struct SingleImpact {
   ContactVector Lambda;    ///< impulses on the contact and the held ones, by ascending index, for a
                            ///< change of gamma_i by 1
 };
-SingleImpact single_impact(const Dynamics& dynamics, int contact, double epsilon, ContactSet held);
+/// G and the restitutions are those of all contacts; `epsilon` is that of this impact.
+SingleImpact single_impact(const Eigen::MatrixXd& G, ImpactLaw law,
+                           const Eigen::VectorXd& restitution, int contact, double epsilon,
+                           ContactSet held);
 
 class ActiveImpact {
  public:

@@ -1,0 +1,172 @@
+#include "sprag/detail/filter/family_machine.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <utility>
+
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/mechanics/wide_product.h"
+
+namespace sprag {
+namespace {
+
+using Complex = std::complex<double>;
+
+Complex amplitude(const Harmonic& harmonic) {
+  return std::polar(harmonic.amplitude, harmonic.phase);
+}
+
+// A harmonic of frequency zero is a constant.
+double constant_part(const Harmonic& harmonic) {
+  return harmonic.frequency == 0.0 ? amplitude(harmonic).real() : 0.0;
+}
+
+const Harmonic& harmonic_of(const HarmonicGroup& group, const Model& model) {
+  return group.forces.empty()
+             ? model.contacts[static_cast<std::size_t>(group.contacts.front())].motion
+             : model.forces[static_cast<std::size_t>(group.forces.front())].harmonic;
+}
+
+}  // namespace
+
+bool FamilyMachine::moves_like(const FamilyMachine& other) const {
+  return C == other.C && K == other.K && W == other.W && constant_force == other.constant_force &&
+         frequencies == other.frequencies && forces == other.forces && motions == other.motions;
+}
+
+FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Unknown> unknowns)
+    : values_(scene, std::move(unknowns)) {
+  const Model& model = scene.model;
+  if (scene.beam) {
+    V_ = model.M.diagonal().cwiseSqrt().cwiseInverse().asDiagonal();
+  } else {
+    V_ = eigenpairs(model.K, model.M).vectors;
+  }
+  V_transposed_ = V_.transpose();
+  const Eigen::Index n = V_.rows(), m = contacts(), H = std::ssize(values_.groups());
+  C_ = congruent(V_, model.C);
+  K_ = congruent(V_, model.K).diagonal().cwiseMax(0.0).asDiagonal();
+  if (is_nearly_diagonal(C_)) C_ = C_.diagonal().eval().asDiagonal();
+  directions_.resize(n, std::ssize(model.forces));
+  for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
+    directions_.col(j) = V_transposed_ * model.forces[static_cast<std::size_t>(j)].direction;
+  }
+  const auto R = std::ssize(records());
+  recorded_forces_.setZero(n, R);
+  shares_.setZero(m, R);
+  for (Eigen::Index r = 0; r < R; ++r) {
+    const RecordedInput& record = records()[static_cast<std::size_t>(r)];
+    for (const int j : record.forces) recorded_forces_.col(r) += directions_.col(j);
+    for (const int i : record.contacts) {
+      shares_(i, r) = model.contacts[static_cast<std::size_t>(i)].input_share;
+    }
+  }
+  for (Eigen::MatrixXd* of : {&change_, &product_}) of->resize(n, n);
+  nominal_.scene = scene;
+  nominal_.records = values_.gains_and_delays();
+  for (Eigen::MatrixXd* of : {&nominal_.W, &nominal_.CW, &nominal_.KW}) of->resize(n, m);
+  nominal_.G.resize(m, m);
+  nominal_.clearance.resize(m);
+  nominal_.restitution.resize(m);
+  nominal_.constant_force.resize(n);
+  nominal_.frequencies.resize(H);
+  nominal_.forces.resize(n, H);
+  nominal_.motions.resize(m, H);
+  nominal_.response.setZero(n, H);
+  Eigen::VectorXd values(std::ssize(this->unknowns()));
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    values[k] = this->unknowns()[static_cast<std::size_t>(k)].nominal;
+  }
+  set(values, nominal_, nominal_);
+  uncoupled_ = C_.isDiagonal(0.0) && !resonates();
+  // Which matrices an unknown changes, and whether it couples the modes.
+  constexpr double aside = 0.01;  // in coordinates
+  FamilyMachine other = nominal_;
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    const Unknown& unknown = this->unknowns()[static_cast<std::size_t>(k)];
+    values[k] = unknown.value(aside);
+    set(values, nominal_, other);
+    values[k] = unknown.nominal;
+    changes_flow_.push_back(other.C != nominal_.C || other.K != nominal_.K);
+    uncoupled_ = uncoupled_ && is_nearly_diagonal(other.C) && is_nearly_diagonal(other.K);
+  }
+  set(values, nominal_, nominal_);
+}
+
+// Whether a steady response is so much larger than the force that digits would cancel.
+bool FamilyOfMachines::resonates() const {
+  constexpr double nearly = 1e-4;
+  for (const double Omega : nominal_.frequencies) {
+    for (Eigen::Index i = 0; i < n(); ++i) {
+      const Complex stiffness(K_(i, i) - square(Omega), Omega * C_(i, i));
+      if (std::abs(stiffness) < nearly * square(Omega)) return true;
+    }
+  }
+  return false;
+}
+
+// The change alone is transformed, so that the nominal matrix keeps the accuracy of its modes.
+void FamilyOfMachines::to_modes(const Eigen::MatrixXd& nominal, const Eigen::MatrixXd& of_nominal,
+                                const Eigen::MatrixXd& of, Eigen::MatrixXd& in_modes) {
+  in_modes = nominal;
+  if (of == of_nominal) return;
+  if (scene().beam) {
+    in_modes.diagonal().array() +=
+        V_.diagonal().array().square() * (of.diagonal() - of_nominal.diagonal()).array();
+    return;
+  }
+  change_ = of - of_nominal;
+  multiply(V_transposed_, change_, product_);
+  multiply_and_add(product_, V_, in_modes);
+}
+
+void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& like,
+                           FamilyMachine& machine) {
+  const auto number = [](Eigen::Index i) { return static_cast<std::size_t>(i); };
+  Scene& changed = machine.scene;
+  if (&like != &machine && !changed.positions.empty()) {
+    changed.positions = like.scene.positions;
+    for (Eigen::Index i = 0; i < contacts(); ++i) {
+      changed.model.contacts[number(i)].w = like.scene.model.contacts[number(i)].w;
+    }
+  }
+  values_.set(values, changed, machine.records);
+  const Model& model = changed.model;
+  to_modes(C_, scene().model.C, model.C, machine.C);
+  to_modes(K_, scene().model.K, model.K, machine.K);
+  for (Eigen::Index i = 0; i < contacts(); ++i) {
+    const Contact& contact = model.contacts[number(i)];
+    machine.W.col(i).noalias() = V_transposed_.lazyProduct(contact.w);
+    machine.clearance[i] = contact.clearance + constant_part(contact.motion);
+    machine.restitution[i] = contact.restitution;
+  }
+  machine.KW.noalias() = machine.K.lazyProduct(machine.W);
+  machine.CW.noalias() = machine.C.transpose().lazyProduct(machine.W);
+  machine.G.noalias() = machine.W.transpose().lazyProduct(machine.W);
+  machine.constant_force.setZero();
+  for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
+    const Force& force = model.forces[number(j)];
+    machine.constant_force += (force.constant + constant_part(force.harmonic)) * directions_.col(j);
+  }
+  machine.forces.setZero();
+  machine.motions.setZero();
+  for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
+    const HarmonicGroup& group = values_.groups()[number(h)];
+    const double Omega = harmonic_of(group, model).frequency;
+    machine.frequencies[h] = Omega;
+    for (const int j : group.forces) {
+      machine.forces.col(h) += amplitude(model.forces[number(j)].harmonic) * directions_.col(j);
+    }
+    for (const int i : group.contacts) {
+      machine.motions(i, h) = amplitude(model.contacts[number(i)].motion);
+    }
+    for (Eigen::Index i = 0; uncoupled_ && i < n(); ++i) {
+      machine.response(i, h) =
+          machine.forces(i, h) / Complex(machine.K(i, i) - square(Omega), Omega * machine.C(i, i));
+    }
+  }
+}
+
+}  // namespace sprag
