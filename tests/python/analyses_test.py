@@ -492,7 +492,7 @@ restitution = 0.6
         events = sprag.simulate(rig(), 20.0).events
         sigmas = [sprag.observe(of, events, 20.0).sigma_q[-1, 0] for of in (uncertain, rig())]
         self.assertGreater(sigmas[0], sigmas[1])
-        for wrong in ({"system.K.1.2": 0.1}, {"impact.restitution": 0.0}, {"x": 1.0}):
+        for wrong in ({"clock.rate": 0.1}, {"impact.restitution": 0.0}, {"x": 1.0}):
             with self.subTest(wrong), self.assertRaises(ValueError):
                 rig().replace(parameters=wrong)
         with self.assertRaises(ValueError):

@@ -286,10 +286,6 @@ class ProgramTest(unittest.TestCase):
         copy.write_text(RIG.read_text())
         for arguments, why in (
             ([RIG, "--estimator", "kalman"], "kalman; choose replica, timing, both or adaptive"),
-            (
-                [SOURCE / "scenes/non_proportional.toml", "--estimator", "adaptive"],
-                "couples the modes",
-            ),
             ([RIG, "--output", "t.gif"], "must end in .png, .svg or .pdf"),
             ([RIG, "--csv", "x.csv", "--output", "x.csv"], "x.csv"),
             ([RIG, "--target", "-1"], "--target"),

@@ -30,8 +30,7 @@ void write_scene(const IdentifyRun& run, const std::string& text, const Scene& s
   write_file(run.output, fitted_text(text, scene, fit, run.scene, run.output));
   for (const std::string& key : not_filtered(fit)) {
     std::cerr << key << " is not listed in [parameters] of " << run.output.string()
-              << ": a filter cannot follow single entries of C and K, one number for several "
-                 "that differ, nor the contact clock\n";
+              << ": a filter cannot follow the contact clock\n";
   }
   if (fit.start_t != fit.begins) {
     std::cerr << "the fit begins at t = " << fit.start_t << ": the start in " << run.output.string()
