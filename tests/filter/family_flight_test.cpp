@@ -259,8 +259,9 @@ TEST(FamilyFlight, EqualsExactFlowsOfDrawnMachines) {
   EXPECT_GT(several, 20U);
 }
 
-// By each parameter, single entries of K and C and common factors included: through a flight with
-// held contacts and an impact, compared with the exact flows of neighbouring machines.
+// By each parameter, those of the clock, single entries of K and C and common factors included:
+// through a flight with held contacts and an impact, compared with the exact flows of neighbouring
+// machines.
 TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
   constexpr std::uint64_t first_seed = 700;
   for (int k = 0; k < repetitions(30); ++k) {
@@ -270,6 +271,7 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
     const Scene scene = impacting_scene(random);
     std::vector<Unknown> unknowns = unknowns_of(scene);
     for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
+    for (Unknown& of_clock : clock_unknowns(scene)) unknowns.push_back(std::move(of_clock));
     // The exact flows have no negative damping.
     if (scene.model.C(0, 0) > 0.0) unknowns.push_back(unknown_of(scene, "system.C.1.1"));
     if (!scene.model.K.isZero(0.0)) {
@@ -291,7 +293,9 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
           return Both::state(of, t + tau);
         };
         const auto neighbour = [&](double c) {
-          ModelFlight of(std::make_shared<Flows>(with(scene, unknown, unknown.value(c)).model));
+          const auto value = Eigen::VectorXd::Constant(1, unknown.value(c));
+          const Scene timed = MachineFamily(scene, {unknown}).as_timed(value);
+          ModelFlight of(std::make_shared<Flows>(timed.model));
           return end_of(of);
         };
         end_of(flight);

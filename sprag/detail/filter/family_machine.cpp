@@ -134,8 +134,14 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   }
   values_.set(values, changed, machine.records);
   const Model& model = changed.model;
+  // The machine's time is (t - shift) / scale.
+  const ContactClock& clock = scene().clock;
+  const double scale = changed.clock.rate / clock.rate;
+  const double shift = (changed.clock.offset - clock.offset) / clock.rate;
   to_modes(C_, scene().model.C, model.C, machine.C);
   to_modes(K_, scene().model.K, model.K, machine.K);
+  machine.C /= scale;
+  machine.K /= square(scale);
   for (Eigen::Index i = 0; i < contacts(); ++i) {
     const Contact& contact = model.contacts[number(i)];
     machine.W.col(i).noalias() = V_transposed_.lazyProduct(contact.w);
@@ -148,19 +154,22 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   machine.constant_force.setZero();
   for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
     const Force& force = model.forces[number(j)];
-    machine.constant_force += (force.constant + constant_part(force.harmonic)) * directions_.col(j);
+    const double constant = force.constant + constant_part(force.harmonic);
+    machine.constant_force += constant / square(scale) * directions_.col(j);
   }
   machine.forces.setZero();
   machine.motions.setZero();
   for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
     const HarmonicGroup& group = values_.groups()[number(h)];
-    const double Omega = harmonic_of(group, model).frequency;
+    const double Omega = harmonic_of(group, model).frequency / scale;
+    const Complex turn = std::polar(1.0, -Omega * shift);
     machine.frequencies[h] = Omega;
     for (const int j : group.forces) {
-      machine.forces.col(h) += amplitude(model.forces[number(j)].harmonic) * directions_.col(j);
+      const Complex force = amplitude(model.forces[number(j)].harmonic) / square(scale);
+      machine.forces.col(h) += (turn * force) * directions_.col(j);
     }
     for (const int i : group.contacts) {
-      machine.motions(i, h) = amplitude(model.contacts[number(i)].motion);
+      machine.motions(i, h) = turn * amplitude(model.contacts[number(i)].motion);
     }
     for (Eigen::Index i = 0; uncoupled_ && i < n(); ++i) {
       machine.response(i, h) =

@@ -2,6 +2,9 @@
 // the modes V of the nominal machine, V^T M V = 1. In them a machine is
 //
 //   y'' + C y' + K y = F(t) + W lambda,   g_i = w_i^T y + s_i(t) + c_i.
+//
+// t is the time of the events by the nominal contact clock. With another rate or offset of the
+// clock the machine runs at another speed in t.
 #pragma once
 
 #include <Eigen/Core>
