@@ -196,7 +196,7 @@ ADDED = {
 
 def complete_page(app, name, source):
     folder = Path(app.env.doc2path(name)).parent
-    text = re.sub(r"<!--.*?-->\n?", "", source[0], flags=re.S)
+    text = re.sub(r"^ *<!--.*?-->\n", "", source[0], flags=re.M | re.S)
     text = LINK.sub(lambda link: link[1] if (folder / link[2]).is_dir() else link[0], text)
     source[0] = text + "\n" + (ADDED[name]() if name in ADDED else "")
 
