@@ -30,10 +30,9 @@ constexpr double negligible = 1e-14;  // nodes below this weight are pruned
 constexpr double most_share = 0.85;   // nodes move closer to a node of more weight
 constexpr double closer = 0.25;
 constexpr int most_placements = 12;
-// Bursts, in sigma: longest interval between two reports of a burst, and half the range of its
-// nodes.
-constexpr double close_reports = 3.0;
-constexpr double separate = 10.0;  // two events, in deviations of the second one's time
+// Bursts: two events that are apart for certain, in deviations of the second one's time; half the
+// range of the nodes, in sigma.
+constexpr double separate = 10.0;
 constexpr double burst_reach = 2.5;
 constexpr int burst_nodes = 11;
 // Two contacts count as uncoupled below this: change of one gap velocity by an impulse that changes
@@ -45,10 +44,7 @@ constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
 // the factor on the variance of rounding.
 constexpr double silent_gaps = 6.7, silent_reports = 9.0;
 constexpr double silent_rounding = 1e6;  // of variances
-// Exact times: an innovation below `insignificant` times the gap's terms is rounding; relative
-// rounding of an impact time; the master's tolerance of a touch, with a margin.
-constexpr double insignificant = 1e-10;
-constexpr double impact_rounding = 16.0 * std::numeric_limits<double>::epsilon();
+// Exact times: the master's tolerance of a touch, with a margin.
 constexpr double touch = 2.0 * touching;
 // measure_rest() requires the prior variance of the gap velocity to exceed that of the measurement
 // by this factor.
@@ -197,7 +193,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     point_.square = square(factor) * (variance - noise);
     if (sigma == 0.0) {
       const double floor =
-          square(insignificant * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
+          square(impulse_rounding * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
       point_.square = square(factor) * square(variance) / (variance + floor);
     }
     point_.tau = sigma * xi_tau_;
@@ -221,7 +217,7 @@ bool EventFilter::resolves(const Event& event, FilterBelief& belief) {
   at_.spread(belief, event.t - belief.t);
   if (!find(event, belief)) return false;
   const double apart = event.t - point_.tau - belief.occurred[event.contact];
-  return apart > close_reports * belief.sigma && apart > separate * point_.spread;
+  return apart > indistinct * belief.sigma && apart > separate * point_.spread;
 }
 
 // Finds the event time by the belief, linearized about the motion of `about`. Returns false if that
@@ -342,7 +338,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
                      velocity_by_c_.dot(node.columns.col(j).tail(unknowns())));
     }
     node.after_sigma = std::sqrt(seen);
-    if (exact) moved.col(columns - 1) += (impact_rounding * event.t) * on.by_time();
+    if (exact) moved.col(columns - 1) += (event_rounding * event.t) * on.by_time();
   } else {
     node.held = released(event.contact, belief);
   }
@@ -363,7 +359,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
 // Variance of the gap velocity at the end of a completed chatter: the bounces that the master
 // completes last up to chatter_time.
 double EventFilter::remainder(const Event& event) {
-  const double off = std::max(model_.chatter_time, impact_rounding * event.t);
+  const double off = std::max(model_.chatter_time, event_rounding * event.t);
   flight().acceleration_gradient(event.contact, kick_);
   next_.noalias() = at_.X.transpose().lazyProduct(kick_);
   return square(off) * (square(at_.of.acceleration) + next_.squaredNorm());
@@ -542,7 +538,7 @@ void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) 
   belief.t = event.t - point_.tau;
   belief.occurred[event.contact] = belief.t;
   belief.rebound[event.contact] = rebound;
-  const double rounding = belief.sigma > 0.0 ? impact_rounding * event.t : 0.0;
+  const double rounding = belief.sigma > 0.0 ? event_rounding * event.t : 0.0;
   impact.time_sigma = std::hypot(std::sqrt(std::max(squares - square(mean), 0.0)), rounding);
   impact.time = belief.t - mean;
   impact.held_before = belief.held;
@@ -585,7 +581,7 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   belief.closed = after(belief.closed, given);
   if (opens && !held) return true;  // forced release by an earlier impact, or a repeated report
   belief.reported[event.contact] = event.t;
-  const bool is_close = since < close_reports * belief.sigma;
+  const bool is_close = since < indistinct * belief.sigma;
   if (is_close && !opens && (held || !resolves(event, belief))) return burst(event, belief);
   // The contact may have bounced in between. Without a burst and a rebound it was held, and its
   // release is a measurement like any other.
@@ -737,7 +733,7 @@ bool EventFilter::measure_together(double t, ContactSet closing, ContactSet stay
     double noise = at_.noise + square(touch * belief.length);
     if (contains(staying, i)) noise += variance_of_unreported({i, Kind::stays, t, 0.0});
     const double variance = at_.phi.squaredNorm() + noise;
-    const double floor = square(insignificant * belief.length);
+    const double floor = square(impulse_rounding * belief.length);
     belief.square = std::max(belief.square, square(at_.of.g) / (variance + floor));
     belief.innovation = {t, i, at_.of.g, std::sqrt(variance)};
     at_.measure(at_.of.g, noise, x_, c_);
@@ -804,20 +800,20 @@ Eigen::Index EventFilter::take_columns() {
 
 void EventFilter::expire(double t, FilterBelief& belief) {
   for_each(belief.bursting, [&](int contact) {
-    if (t >= belief.reported[contact] + close_reports * belief.sigma) let_go(contact, belief);
+    if (t >= belief.reported[contact] + indistinct * belief.sigma) let_go(contact, belief);
   });
 }
 
 double EventFilter::end_of_burst(const FilterBelief& belief) {
   double end = infinity;
   for_each(belief.bursting, [&](int contact) {
-    end = std::min(end, belief.reported[contact] + close_reports * belief.sigma);
+    end = std::min(end, belief.reported[contact] + indistinct * belief.sigma);
   });
   return end;
 }
 
 bool EventFilter::can_separate(std::span<const ContactEvent> events, const FilterBelief& belief) {
-  const double reach = close_reports * belief.sigma;
+  const double reach = indistinct * belief.sigma;
   const auto is_recent = [&](int i, double t) { return t < belief.reported[i] + reach; };
   for (const ContactEvent& event : events) {
     for (int i = 0; i < flight().contacts(); ++i) {

@@ -11,13 +11,6 @@
 namespace sprag {
 namespace {
 
-// Relative rounding of event times.
-constexpr double time_rounding = 16.0 * std::numeric_limits<double>::epsilon();
-
-}  // namespace
-
-namespace {
-
 // Gauss-Legendre nodes and weights on [0, 1]: exact for the covariance of a flight in which the
 // propagator is a cubic, accurate up to about a period of the fastest mode that is pushed.
 constexpr std::array<std::array<double, 2>, 4> kick_nodes{{
@@ -138,7 +131,7 @@ void LinearizedFlight::look(int contact, bool of_force, double t) {
     if (!of_force) psi.noalias() += T.transpose().lazyProduct(velocity_by_c);
   }
   noise = square(measurement_rounding * of.rounding) +
-          square(time_rounding * t) * (square(of.velocity) + psi.squaredNorm());
+          square(event_rounding * t) * (square(of.velocity) + psi.squaredNorm());
 }
 
 void LinearizedFlight::update_along(const Eigen::VectorXd& row, double shift, double share,

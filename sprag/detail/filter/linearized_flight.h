@@ -8,12 +8,18 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <vector>
 
 #include "sprag/detail/filter/filter_belief.h"
 #include "sprag/detail/filter/flight.h"
 
 namespace sprag {
+
+/// Relative rounding of event times.
+inline constexpr double event_rounding = 16.0 * std::numeric_limits<double>::epsilon();
+/// Events closer than so many deviations of their times may be simultaneous.
+inline constexpr double indistinct = 3.0;
 
 class LinearizedFlight {
  public:

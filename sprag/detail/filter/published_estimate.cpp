@@ -14,17 +14,16 @@ namespace {
 
 // Largest number of unreported events that are mixed one after the other.
 constexpr int most_unreported = 8;
+// Least probability of either case: the tails of a predicted time are not Gaussian.
+constexpr double least_probability = 1e-3;
 // A tick later than the last event by more than so many deviations of its time follows it for
 // certain.
 constexpr double last_reach = 6.0;
-// An unreported event is possible if the gap or the contact force is below so many deviations.
-constexpr double near_zero = 8.0;
-// Least probability of either case: the tails of a predicted time are not Gaussian.
-constexpr double least_probability = 1e-3;
-// Search for the time at which a gap or a force fell below zero: number of looks, and how late a
-// report can be, in its deviations.
+// An unreported event is possible if the gap or the contact force is below so many deviations, and
+// for so many deviations of a report.
+constexpr double possible_event = 8.0;
+// Number of looks for the time at which a gap or a force fell below zero.
 constexpr int looks = 16;
-constexpr double latest_report = 8.0;
 
 // Probability that an event has happened, given that no report has come. `beyond`: the mean's
 // distance past the event, in deviations of the gap. `ago`: time since then, in deviations of a
@@ -145,7 +144,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     if (moved) at_->fly(fall.lowest_at, belief.z, belief);
     at_->look(i, opens, fall.lowest_at);
     const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
-    if (!(fall.lowest < near_zero * s)) continue;
+    if (!(fall.lowest < possible_event * s)) continue;
     const double ago = t - fall.t, p = probability(-fall.lowest / s, ago / belief.sigma);
     if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
     first = {i, opens, ago, p};
@@ -160,7 +159,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
 double PublishedEstimate::look_back(const Flight::Gap& present, double longest,
                                     const FilterBelief& belief) {
   if (present.g < 0.0) return longest;
-  const double back = std::min(longest, latest_report * belief.sigma);
+  const double back = std::min(longest, possible_event * belief.sigma);
   const double change =
       std::abs(present.velocity) * back + std::abs(present.acceleration) * square(back);
   return present.g < 2.0 * change ? back : 0.0;

@@ -287,12 +287,11 @@ bool TrackingEstimator::add_belief(const FilterBelief& of, TrackingState& state)
 
 // The last belief whose event is not certainly later than t.
 const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& state) {
-  constexpr double certain = 3.0;  // in deviations of an event's time
   const FilterBelief* last = &*state.belief;
   for (const BeliefRef& before : state.earlier) {
     const ImpactEstimate& event = last->impact;
     const double begins =
-        event.time_sigma > 0.0 ? event.time - certain * event.time_sigma : last->t;
+        event.time_sigma > 0.0 ? event.time - indistinct * event.time_sigma : last->t;
     if (!before || t >= begins) break;
     last = &*before;
   }
