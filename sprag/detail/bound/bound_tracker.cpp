@@ -94,7 +94,7 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   const double reach = std::min(t, known_up_to(events));
   if (reach < followed_) return;
   followed_ = reach;
-  const double last = reach + tolerance_.time + time_rounding * std::abs(reach);
+  const double last = reach + tolerance_.time + time_share_of_rounding * std::abs(reach);
   const std::span<const ContactEvent> all(events.events());
   const auto first =
       static_cast<std::size_t>(std::max<std::int64_t>(consumed_ - events.dropped(), 0));
@@ -430,7 +430,8 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
 double BoundTracker::bound(const EventHistory& events, double t, const Eigen::VectorXd& q,
                            const Eigen::VectorXd& u) {
   const double known = known_up_to(events);
-  if (failed_ || t < followed_ || t > known + time_rounding * std::abs(known)) return infinity;
+  if (failed_ || t < followed_ || t > known + time_share_of_rounding * std::abs(known))
+    return infinity;
   double b = infinity;
   if (b_ < infinity && t <= since_) {
     b = b_ + cluster_.open_J(t);
@@ -450,7 +451,7 @@ double BoundTracker::bound(const EventHistory& events, double t, const Eigen::Ve
   // Rounding of the replica's state. The root of its energy grows by the forces alone.
   const double since_event = std::max(t - since_, 0.0) + 2.0 * tolerance_.time;
   const double moving = std::sqrt(remainder_.energy()) + metric_.push() * since_event;
-  return square(out_ * (b + state_rounding * (b + moving)));
+  return square(out_ * (b + state_share_of_rounding * (b + moving)));
 }
 
 std::string why_no_bound(const Scene& scene) {

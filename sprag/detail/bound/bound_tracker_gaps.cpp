@@ -11,7 +11,6 @@ namespace {
 // Largest number of nodes along a gap with one lost impact. A longer gap is treated as if more
 // events were lost.
 constexpr double most_nodes = 2000.0;
-constexpr double gap_step_share = 0.4;  // distance of nodes as a share of 1 / |A|
 
 }  // namespace
 
@@ -46,7 +45,7 @@ void BoundTracker::pass_gaps(const EventHistory& events, double t, double next_e
 bool BoundTracker::can_miss_one(const DegradedInterval& gap) const {
   return metric_.dynamics().contacts() == 1 && state_.chi == 0 && b_ < infinity && !failed_ &&
          gap.from >= lost_until_ - tolerance_.time &&
-         (gap.to - gap.from) * metric_.rate() < most_nodes * gap_step_share;
+         gap.to - gap.from < most_nodes * defect_.longest_step();
 }
 
 // The replica lacks one impact at an unknown time of the gap: a jump J of its path, with the
@@ -62,8 +61,8 @@ void BoundTracker::miss_one(const DegradedInterval& gap) {
   first_order_.stop();
   cluster_.close_windows(opens);
   cluster_.first_speed = infinity;  // the momentum limit of a burst does not apply
-  const double step =
-      metric_.rate() > 0.0 ? gap_step_share / metric_.rate() : std::max(gap.to - gap.from, 1.0);
+  // Without stiffness and damping one step covers the gap.
+  const double step = std::min(defect_.longest_step(), std::max(gap.to - gap.from, 1.0));
   const double rho = std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();
   EventCost worst;
   double defect = 0.0;

@@ -15,13 +15,7 @@ namespace {
 
 using std::complex;
 
-// Margin for the rounding of eigenvalues.
-constexpr double eigenvalue_margin = 1e-9;
 constexpr double least_alpha = 1e-3, most_alpha = 0.95;  // share of the lowest frequency
-// Linear dependence: share of the largest eigenvalue of G. Gaps that are zero to rounding: share of
-// their terms.
-constexpr double dependent_modes = 1e-10;
-constexpr double gap_margin = 1e-9;
 // With more coordinates an eigenvalue problem takes milliseconds.
 constexpr Eigen::Index few_coordinates = 12;
 
@@ -111,7 +105,7 @@ Eigen::VectorXcd solve_semidefinite(const Eigen::MatrixXcd& A, const Eigen::Vect
   parts << b.real(), b.imag();
   const auto [values, vectors] = eigenpairs(real, Eigen::MatrixXd::Identity(2 * m, 2 * m));
   const Eigen::VectorXd inverse =
-      (values.array() > dependent_modes * values[2 * m - 1]).select(values.cwiseInverse(), 0.0);
+      (values.array() > dependent_share * values[2 * m - 1]).select(values.cwiseInverse(), 0.0);
   const Eigen::VectorXd x = vectors * inverse.cwiseProduct(vectors.transpose() * parts);
   return x.head(m) + complex<double>(0.0, 1.0) * x.tail(m);
 }
@@ -142,7 +136,7 @@ Decay slowest_decay(const EnergyMetric& metric, const Tolerance& tolerance) {
     largest = value;
     best = {rho, alpha};
   }
-  best.rho *= 1.0 - eigenvalue_margin;
+  best.rho *= 1.0 - share_of_rounding;
   return best;
 }
 
@@ -182,14 +176,14 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   ContactVector push, left;
   const double scale = dynamics.offsets().cwiseAbs().maxCoeff() +
                        (W.transpose() * free).cwiseAbs().maxCoeff() + tolerance.clearance;
-  const ContactVector noise = ContactVector::Constant(m, 0.1 * gap_margin * scale);
+  const ContactVector noise = ContactVector::Constant(m, 0.1 * share_of_rounding * scale);
   ContactSet unsatisfied = 0;
   if (solve_semidefinite_lcp(A, gaps, noise, push, left, unsatisfied) != Solved::yes) return;
   rest_ = free + away * push;
   // Checks the gaps of the rounded solution.
   const Eigen::VectorXd final =
       (W.transpose() * rest_ + dynamics.offsets()).array() - tolerance.clearance;
-  admissible_ = final.minCoeff() >= -gap_margin * scale;
+  admissible_ = final.minCoeff() >= -share_of_rounding * scale;
 }
 
 // Sets the harmonics of q^. With Z = K + i Omega C - Omega^2 (M = 1) and X = Z^-H W, the smallest
@@ -219,7 +213,7 @@ bool DissipationCap::follow_supports() {
     swing_.col(j) -= W * solve_semidefinite(G, left.col(j));
   }
   const double scale = motions.norm() + W.norm() * swing_.norm();
-  return (W.transpose() * swing_ + motions).norm() <= gap_margin * scale;
+  return (W.transpose() * swing_ + motions).norm() <= share_of_rounding * scale;
 }
 
 void DissipationCap::find_force(const Tolerance& tolerance) {

@@ -7,12 +7,6 @@
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
-namespace {
-
-// Off-diagonal entries of D below this share of |D| are rounding.
-constexpr double damping_noise = 1e-9;
-
-}  // namespace
 
 EnergyMetric::EnergyMetric(const Dynamics& dynamics) : dynamics_(&dynamics) {
   const Model& model = dynamics.model();
@@ -28,7 +22,7 @@ EnergyMetric::EnergyMetric(const Dynamics& dynamics) : dynamics_(&dynamics) {
   damping_ = eigenvalues(D_).cwiseAbs().maxCoeff();
   Eigen::MatrixXd coupling = D_;
   coupling.diagonal().setZero();
-  decoupled_ = coupling.cwiseAbs().maxCoeff() <= damping_noise * damping_;
+  decoupled_ = coupling.cwiseAbs().maxCoeff() <= share_of_rounding * damping_;
   if (decoupled_) damping_ += coupling.cwiseAbs().rowwise().sum().maxCoeff();
   W_ = product(from_modes_.transpose(), dynamics.W());
 

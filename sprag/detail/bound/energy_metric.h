@@ -10,9 +10,20 @@
 
 #include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/flow.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
 
 namespace sprag {
+
+/// Share that is rounding: in eigenvalues, in gaps and modal damping, and in a map of a small
+/// matrix.
+inline constexpr double share_of_rounding = 1e-9;
+/// Directions depend on each other if an eigenvalue is below this share of the largest.
+inline constexpr double dependent_share = 1e-10;
+/// Generous estimate of a state's relative rounding from one event to the next.
+inline constexpr double state_share_of_rounding = 64.0 * machine_epsilon;
+/// The same of a time.
+inline constexpr double time_share_of_rounding = 4.0 * machine_epsilon;
 
 /// State and acceleration of a motion in modal coordinates, f entries each.
 struct ModalState {

@@ -7,8 +7,6 @@
 namespace sprag {
 namespace {
 
-// Generous estimate of the rounding of one map of P.
-constexpr double map_rounding = 1e-9;
 // The radius is computed from P^(2^4): at most n^(1/32) times too large.
 constexpr int squarings = 4;
 
@@ -58,7 +56,7 @@ void ErrorEllipsoid::fly(double tau) {
   Phi_.noalias() = leave_ * moved_;
   scratch_.noalias() = Phi_ * P_;
   P_.noalias() = scratch_ * Phi_.transpose();
-  P_ *= 1.0 + map_rounding;
+  P_ *= 1.0 + share_of_rounding;
 }
 
 void ErrorEllipsoid::impact(int contact, double epsilon) {
@@ -71,7 +69,7 @@ void ErrorEllipsoid::impact(int contact, double epsilon) {
   P_.rightCols(f).noalias() -= share * column_ * w.transpose();
   column_.noalias() = P_.bottomRows(f).transpose() * w;
   P_.bottomRows(f).noalias() -= share * w * column_.transpose();
-  P_ *= 1.0 + map_rounding;
+  P_ *= 1.0 + share_of_rounding;
 }
 
 void ErrorEllipsoid::add(const Eigen::VectorXd& v) {
@@ -106,7 +104,7 @@ void ErrorEllipsoid::update_radius() {
     root *= 0.5;
   }
   value *= std::pow(std::max(moved_.trace(), 0.0), root);
-  radius_ = std::sqrt(value) * (1.0 + map_rounding);
+  radius_ = std::sqrt(value) * (1.0 + share_of_rounding);
 }
 
 double ErrorEllipsoid::largest_gap_velocity(int contact) const {

@@ -9,12 +9,6 @@
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
-namespace {
-
-// Eigenvalues of scaled contact matrices below this share of the largest are rounding.
-constexpr double dependent = 1e-10;
-
-}  // namespace
 
 Approach approach(const Motion& free, int contact, double delta) {
   const SignalRange gamma = range(free.flow->gap_velocity(contact), free, delta);
@@ -77,7 +71,8 @@ double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts) {
   const Eigen::SelfAdjointEigenSolver<ContactMatrix> solver(of, Eigen::EigenvaluesOnly);
   const double least = solver.eigenvalues()[0];
   const double most = solver.eigenvalues()[of.rows() - 1];
-  return least > dependent * most ? std::sqrt(most / least) * (1.0 + dependent) : infinity;
+  return least > dependent_share * most ? std::sqrt(most / least) * (1.0 + dependent_share)
+                                        : infinity;
 }
 
 double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double epsilon) {

@@ -3,15 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/detail/bound/energy_metric.h"
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
-namespace {
-
-// Generous estimate of a flight's rounding.
-constexpr double flight_rounding = 64.0 * machine_epsilon;
-
-}  // namespace
 
 FlightContraction::FlightContraction(const Flows& flows, double damping_factor) {
   const Flow& free = flows[0];
@@ -43,7 +38,7 @@ FlightContraction::FlightContraction(const Flows& flows, double damping_factor) 
 }
 
 double FlightContraction::square(double tau) {
-  if (is_dense_) return std::min(1.0, sprag::square(dense_(tau)) + flight_rounding);
+  if (is_dense_) return std::min(1.0, sprag::square(dense_(tau)) + state_share_of_rounding);
   oscillators_.kernels(tau, frequencies_, modes_, kernels_);
   double largest = 0.0;
   for (Eigen::Index i = frequencies_; i < frequencies_ + modes_; ++i) {
@@ -59,7 +54,7 @@ double FlightContraction::square(double tau) {
     const double b = zz * zv + vz * vv;
     largest = std::max(largest, 0.5 * (a + d) + std::hypot(0.5 * (a - d), b));
   }
-  return std::min(1.0, largest + flight_rounding);
+  return std::min(1.0, largest + state_share_of_rounding);
 }
 
 double FlightContraction::square_at_node(double tau) {

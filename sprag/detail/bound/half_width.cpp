@@ -5,12 +5,6 @@
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
-namespace {
-
-// A share of a direction along a rigid motion below this is rounding.
-constexpr double rigid_share = 1e-9;
-
-}  // namespace
 
 HalfWidths::HalfWidths(const EnergyMetric& metric) {
   const Model& model = metric.dynamics().model();
@@ -23,7 +17,7 @@ HalfWidths::HalfWidths(const EnergyMetric& metric) {
       const double omega = metric.omega()[i];
       if (omega > 0.0) {
         sum += square(of_modes[i] / omega);
-      } else if (std::abs(of_modes[i]) > rigid_share * of_modes.norm()) {
+      } else if (std::abs(of_modes[i]) > share_of_rounding * of_modes.norm()) {
         return infinity;
       }
     }

@@ -105,8 +105,8 @@ double ImpactRemainder::of(const ImpactContacts& contacts, const Motion& motion,
   from_start_ = at_start ? from_start_ | contacts.after : from_start_ & contacts.after;
   if (contacts.closing == 0) return 0.0;
   energy_ = std::max(energy_, sprag::energy(*metric_, state));
-  return state_rounding * std::sqrt(energy_) + time_rounding * motion.t.hi * acceleration() +
-         at_several(contacts, motion);
+  return state_share_of_rounding * std::sqrt(energy_) +
+         time_share_of_rounding * motion.t.hi * acceleration() + at_several(contacts, motion);
 }
 
 double ImpactRemainder::at_several(const ImpactContacts& contacts, const Motion& motion) const {

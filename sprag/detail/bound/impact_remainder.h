@@ -19,14 +19,8 @@
 #include "sprag/detail/bound/energy_metric.h"
 #include "sprag/detail/mechanics/flow.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
-
-/// Generous estimate of a state's relative rounding from one event to the next.
-inline constexpr double state_rounding = 64.0 * machine_epsilon;
-/// The same of a time.
-inline constexpr double time_rounding = 4.0 * machine_epsilon;
 
 /// Whether the replica has the master's impact law: no contact has a replica_restitution.
 bool law_is_masters(const Model& model);
