@@ -3,9 +3,8 @@ include(CMakePackageConfigHelpers)
 
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/sprag)
 install(TARGETS sprag sprag_analysis EXPORT sprag-targets COMPONENT development)
-# Without the headers of sprag_study, which only programs and the Python package use.
 install(DIRECTORY sprag DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT development
-        FILES_MATCHING PATTERN "*.h" PATTERN "detail/study" EXCLUDE)
+        FILES_MATCHING PATTERN "*.h")
 install(EXPORT sprag-targets NAMESPACE sprag:: DESTINATION ${package} COMPONENT development)
 if(SPRAG_HAS_LCM)
   install(TARGETS sprag_lcm EXPORT sprag-lcm-targets COMPONENT development)

@@ -46,7 +46,7 @@ from ._studies import Study, read_study, study_from_rows
 from ._version import __version__
 
 if TYPE_CHECKING:
-    from ._core import _StudyRuns
+    from ._study_file import StudyRuns
 
 SECONDS_OF_A_CHUNK = 1.0
 ROWS_OF_A_CHUNK = 16384
@@ -73,10 +73,17 @@ class Chunk(NamedTuple):
 # --- computation
 
 
+def _runs_of(study: str | os.PathLike[str]) -> StudyRuns:
+    require_compiled("a study")
+    from ._study_file import StudyRuns
+
+    return StudyRuns(study)
+
+
 @functools.lru_cache(maxsize=4)
-def _study_of(file: str, expected: str) -> _StudyRuns:
+def _study_of(file: str, expected: str) -> StudyRuns:
     """The study of a worker; `expected` is the hash of the study that it shall compute."""
-    runs: _StudyRuns = require_compiled("a study")._StudyRuns(file)
+    runs = _runs_of(file)
     if runs.manifest["hash"] != expected:
         raise InputError(f"{file}: is another one, or of another scene, on {os.uname().nodename}")
     return runs
@@ -95,7 +102,7 @@ def _end_with_parent(worker: int) -> None:
         ctypes.CDLL(None).prctl(parent_death_signal, signal.SIGKILL)
 
 
-def _compute(study: _StudyRuns, first: int, end: int) -> Chunk:
+def _compute(study: StudyRuns, first: int, end: int) -> Chunk:
     begin = time.perf_counter()
     text, runs, failures = study.rows(first, end)
     return Chunk(first, text, runs, failures, time.perf_counter() - begin)
@@ -144,7 +151,7 @@ def _duration(seconds: float) -> str:
 
 
 def _run_all(
-    runs: _StudyRuns,
+    runs: StudyRuns,
     missing: list[Range],
     executor: Executor | None,
     progress: Progress,
@@ -404,9 +411,7 @@ def _merge(sources: list[Contents], layout: Layout, file: Path) -> None:
 class Folder:
     """The files of a study, or of a part of it, in a folder."""
 
-    def __init__(
-        self, runs: _StudyRuns, folder: Path, shard: tuple[int, int] | None = None
-    ) -> None:
+    def __init__(self, runs: StudyRuns, folder: Path, shard: tuple[int, int] | None = None) -> None:
         self.study = runs.manifest
         self.shard = shard or (1, 1)
         self.whole = shard is None
@@ -575,7 +580,7 @@ def run_study(
     if jobs is not None and jobs < 1:
         raise ValueError("jobs must be >= 1")
     workers = jobs or os.cpu_count() or 1
-    runs: _StudyRuns = require_compiled("a study")._StudyRuns(study)
+    runs = _runs_of(study)
     for remark in runs.remarks:
         warnings.warn(remark, RuntimeWarning, stacklevel=2)
     if output is not None:
@@ -672,7 +677,7 @@ def _folder_named(study: dict[str, Any]) -> Path:
     )
 
 
-def _refuse_overwriting(runs: _StudyRuns, folder: Folder, report: str | None) -> None:
+def _refuse_overwriting(runs: StudyRuns, folder: Folder, report: str | None) -> None:
     given = [runs.manifest["study"]["file"], *runs.inputs, *([report] if report else [])]
     for file in (folder.rows, folder.partly, folder.manifest_file):
         for other in given:
@@ -687,12 +692,12 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
         raise UsageError("--jobs is for threads; --mpi and --dask have workers of their own")
     if not options.mpi and int(os.environ.get("OMPI_COMM_WORLD_SIZE", "1")) > 1:
         raise UsageError("under mpirun give --mpi")
-    core = require_compiled("study")
+    require_compiled("study")
     with _executor(options) as (executor, workers):
         if options.mpi and executor is None:
             options.report = None  # the first rank writes it
             return EXIT_DONE
-        runs: _StudyRuns = core._StudyRuns(options.STUDY)
+        runs = _runs_of(options.STUDY)
         for remark in runs.remarks:
             print(printable(remark), file=sys.stderr)
         output = Path(options.output) if options.output else _folder_named(runs.manifest)
@@ -706,7 +711,7 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
 
 def _run_folder(
     options: argparse.Namespace,
-    runs: _StudyRuns,
+    runs: StudyRuns,
     folder: Folder,
     executor: Executor | None,
     workers: int,

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <utility>
@@ -12,15 +13,12 @@
 
 #include "python/src/long_call.h"
 #include "python/src/settings.h"
+#include "python/src/trial.h"
 #include "sprag/certified_floor.h"
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/study/design.h"
-#include "sprag/detail/study/disturbance.h"
-#include "sprag/detail/study/study_file.h"
-#include "sprag/detail/study/trial.h"
 #include "sprag/sampled_input.h"
 
 namespace sprag::python {
@@ -52,15 +50,11 @@ class Bench {
 
   const Scene& scene() const { return scene_; }
 
-  study::Truth run(double duration, int samples, double energy, std::uint64_t number) const {
+  Truth run(double duration, int samples, double energy, std::uint64_t number) const {
     return stoppable([&] {
-      study::Study of_starts;
-      of_starts.seed = seed;
-      study::Setting setting;
-      setting.machine = setting.observer = scene_;
-      setting.start_machine = energy;
-      study::draw_starts(of_starts, number, setting);
-      return study::run_machine(setting.machine, duration, 0.0, samples);
+      Scene machine = scene_, observer = scene_;
+      draw_starts(seed, number, energy, std::nullopt, machine, observer);
+      return run_machine(machine, duration, 0.0, samples);
     });
   }
 
@@ -80,34 +74,33 @@ class Bench {
   }
 
   // Figures of each estimator, whose model is `given`, in a run with disturbed events.
-  std::vector<study::Figures> follow(const std::vector<std::string>& estimators, const Scene& given,
-                                     const study::Truth& truth, std::uint64_t number,
-                                     double threshold,
-                                     const study::Disturbance& disturbance) const {
+  std::vector<Figures> follow(const std::vector<std::string>& estimators, const Scene& given,
+                              const Truth& truth, std::uint64_t number, double threshold,
+                              const Disturbance& disturbance) const {
     std::vector<EstimatorKind> kinds;
     for (const std::string& name : estimators) kinds.push_back(to_estimator(name));
     return stoppable([&] {
       const std::vector<ContactEvent> events =
-          study::disturb(truth.events, disturbance, static_cast<int>(scene_.model.contacts.size()),
-                         static_cast<double>(truth.samples()) * truth.interval(), seed, number);
-      std::vector<study::Figures> figures;
+          python::disturb(truth.events, disturbance, static_cast<int>(scene_.model.contacts.size()),
+                          static_cast<double>(truth.samples()) * truth.interval(), seed, number);
+      std::vector<Figures> figures;
       for (const EstimatorKind kind : kinds) {
         try {
-          figures.push_back(study::follow(kind, given, events, truth, threshold));
+          figures.push_back(python::follow(kind, given, events, truth, threshold));
         } catch (const ModelError&) {  // this observer does not exist
           figures.emplace_back();
           figures.back().V_floor = infinity;
           figures.back().V.assign(static_cast<std::size_t>(truth.q.cols()), infinity);
         }
       }
-      study::add_worse(kinds, figures);
+      add_worse(kinds, figures);
       return figures;
     });
   }
 
   // Median of the replica's bound in the second half of a run, under a tolerance.
-  double bound(const Tolerance& tolerance, const Eigen::VectorXd& uncertainty,
-               const study::Truth& truth, double duration) const {
+  double bound(const Tolerance& tolerance, const Eigen::VectorXd& uncertainty, const Truth& truth,
+               double duration) const {
     return stoppable([&] {
       Scene scene = scene_;
       scene.prior.tolerance = tolerance;
@@ -124,7 +117,7 @@ class Bench {
   std::stop_source stop_;
 };
 
-std::int64_t closings(const study::Truth& truth) {
+std::int64_t closings(const Truth& truth) {
   return std::count_if(truth.events.begin(), truth.events.end(), [](const ContactEvent& event) {
     return event.kind != ContactEventKind::opens;
   });
@@ -163,13 +156,13 @@ py::list parameters_of(const Scene& scene) {
 }  // namespace
 
 void bind_tolerances(py::module_& module) {
-  py::class_<study::Truth>(module, "_Truth", "A run of a machine.")
+  py::class_<Truth>(module, "_Truth", "A run of a machine.")
       .def_property_readonly("closings", &closings, "Number of events that close a contact.")
       .def_property_readonly(
-          "q", [](const study::Truth& truth) { return Eigen::MatrixXd(truth.q.transpose()); },
+          "q", [](const Truth& truth) { return Eigen::MatrixXd(truth.q.transpose()); },
           "Coordinates at the samples, n x f.")
       .def_property_readonly(
-          "u", [](const study::Truth& truth) { return Eigen::MatrixXd(truth.u.transpose()); },
+          "u", [](const Truth& truth) { return Eigen::MatrixXd(truth.u.transpose()); },
           "Velocities at the samples, n x f.");
   py::class_<Bench>(module, "_Bench", "Runs of a scene's machine, and observers that follow them.")
       .def(py::init<const Scene&>(), py::arg("scene"))
@@ -189,10 +182,10 @@ void bind_tolerances(py::module_& module) {
       .def(
           "follow",
           [](const Bench& bench, const std::vector<std::string>& estimators, const Scene& given,
-             const study::Truth& truth, std::uint64_t number, double threshold, double jitter,
+             const Truth& truth, std::uint64_t number, double threshold, double jitter,
              double offset, double lost, double spurious) {
             py::list figures;
-            for (const study::Figures& of : bench.follow(
+            for (const Figures& of : bench.follow(
                      estimators, given, truth, number, threshold,
                      {.jitter = jitter, .offset = offset, .lost = lost, .spurious = spurious})) {
               figures.append(py::make_tuple(of.V_floor, of.time_below, of.worse));

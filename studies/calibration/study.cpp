@@ -165,9 +165,8 @@ Scene reported_of(const Scene& scene, double jitter, const Options& options, int
   return given;
 }
 
-common::Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth,
-                                std::size_t contacts) {
-  common::Disturbance all;
+Disturbance disturbance(double jitter, Trouble trouble, const Truth& truth, std::size_t contacts) {
+  Disturbance all;
   all.jitter = jitter;
   if (trouble == Trouble::missing || trouble == Trouble::mixed) all.lost = troubled_share;
   if (trouble == Trouble::spurious || trouble == Trouble::mixed) {

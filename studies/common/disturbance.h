@@ -1,18 +1,16 @@
-// Disturbed events (sprag/detail/study/disturbance.h) with the random draws of these studies.
+// Disturbed events (sprag/detail/events/disturbance.h) with the random draws of these studies.
 #pragma once
 
-#include "sprag/detail/study/disturbance.h"
+#include "sprag/detail/events/disturbance.h"
 #include "studies/common/random.h"
 
 namespace sprag::common {
-
-using study::Disturbance;
 
 /// The events in order of arrival up to `end`, disturbed with draws of `seed`.
 inline std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                          const Disturbance& disturbance, int contacts, double end,
                                          std::uint64_t seed) {
-  return study::disturb(events, disturbance, contacts, end, Random(3 * seed), Random(3 * seed + 1),
+  return sprag::disturb(events, disturbance, contacts, end, Random(3 * seed), Random(3 * seed + 1),
                         Random(3 * seed + 2));
 }
 

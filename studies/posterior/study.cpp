@@ -133,7 +133,7 @@ Comparison compare(const Scene& scene, double jitter, const Options& options) {
   const auto contacts = static_cast<int>(scene.model.contacts.size());
   Scene given = scene;
   given.prior.jitter = jitter;
-  common::Disturbance disturbance;
+  Disturbance disturbance;
   disturbance.jitter = jitter;
   Sums all;
   std::mutex mutex;

@@ -524,7 +524,7 @@ TEST(MachinesOfAllKinds, PropagateCovarianceLikeMasterErrors) {
   const Truth truth = simulate(scene, options);
   const int contacts = static_cast<int>(scene.model.contacts.size());
   const Eigen::Index f = scene.model.coordinates();
-  common::Disturbance disturbance;
+  Disturbance disturbance;
   disturbance.jitter = jitter;
   const auto events = common::disturb(truth.events, disturbance, contacts, truth.duration, 2);
   scene.prior.jitter = jitter;

@@ -29,7 +29,7 @@ Events random_events(std::uint64_t seed, double end) {
 
 bool consistent(const Events& events) {
   Events kept = events;
-  study::drop_contradicting(kept);
+  drop_contradicting(kept);
   return kept == events;
 }
 
@@ -59,7 +59,7 @@ TEST(DisturbedEvents, AreDroppedIfContradictory) {
   using enum ContactEventKind;
   Events events{{0.1, 0, opens},  {0.2, 0, closes}, {0.3, 0, pulse}, {0.3, 1, pulse},
                 {0.4, 0, closes}, {0.5, 0, opens},  {0.6, 0, opens}};
-  study::drop_contradicting(events);
+  drop_contradicting(events);
   EXPECT_EQ(events, (Events{{0.2, 0, closes}, {0.3, 1, pulse}, {0.5, 0, opens}}));
 }
 

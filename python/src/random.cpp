@@ -1,6 +1,6 @@
-#include "sprag/detail/study/random.h"
+#include "python/src/random.h"
 
-namespace sprag::study {
+namespace sprag::python {
 
 std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter,
                                     std::array<std::uint32_t, 2> key) {
@@ -34,4 +34,4 @@ double Random::uniform() {
   return static_cast<double>(word >> 11U) * 0x1p-53;
 }
 
-}  // namespace sprag::study
+}  // namespace sprag::python

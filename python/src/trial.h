@@ -6,14 +6,29 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "sprag/contact_event.h"
+#include "sprag/detail/events/disturbance.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/scene.h"
 
-namespace sprag::study {
+namespace sprag::python {
+
+/// Draws random starts: of the machine with this error energy about the scene's, and of the replica
+/// about the machine's. The energy 0, or none of the replica, leaves a start as it is. Throws Error
+/// if no start outside the supports is found.
+void draw_starts(std::uint64_t seed, std::uint64_t stream, double of_machine,
+                 std::optional<double> of_replica, Scene& machine, Scene& observer);
+
+/// The events as they arrive: a pure function of its arguments. With the same seed and stream the
+/// noise is proportional to the jitter, and events lost at a small fraction are also lost at a
+/// larger one.
+std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
+                                  const Disturbance& disturbance, int contacts, double end,
+                                  std::uint64_t seed, std::uint64_t stream);
 
 /// A machine's run: its events and its states at sampled ticks.
 struct Truth {
@@ -68,4 +83,4 @@ Figures follow(EstimatorKind estimator, const Scene& scene, std::span<const Cont
 /// Without a replica in `kinds` it stays NaN. `figures` are those of `kinds` in one run.
 void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures);
 
-}  // namespace sprag::study
+}  // namespace sprag::python

@@ -1,15 +1,17 @@
-#include "sprag/detail/study/trial.h"
+#include "python/src/trial.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
+#include "python/src/random.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
+#include "sprag/reduction.h"
 
-namespace sprag::study {
+namespace sprag::python {
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
@@ -76,7 +78,68 @@ Figures figures_of(std::vector<double> samples, double interval, double threshol
   return figures;
 }
 
+// A random state with this error energy; its direction is uniform on a sphere in the norm of (23)
+// of Baumann & Leine 2014.
+State drawn_offset(const Model& model, double energy, Random& random) {
+  const NaturalModes modes = natural_modes(model);
+  const Eigen::Index f = model.coordinates();
+  Eigen::VectorXd eta = Eigen::VectorXd::Zero(f), eta_dot(f);
+  double squares = 0.0;
+  for (Eigen::Index i = 0; i < f; ++i) {
+    const double of_q = random.normal();
+    const double of_u = random.normal();
+    // A rigid motion has no potential energy.
+    if (modes.stiffness[i] > 0.0) {
+      eta[i] = of_q / std::sqrt(modes.stiffness[i]);
+      squares += of_q * of_q;
+    }
+    eta_dot[i] = of_u / std::sqrt(modes.mass[i]);
+    squares += of_u * of_u;
+  }
+  const double scale = std::sqrt(2.0 * energy / squares);
+  return {scale * (modes.Phi * eta), scale * (modes.Phi * eta_dot)};
+}
+
+bool outside(const Scene& scene) {
+  return std::all_of(
+      scene.model.contacts.begin(), scene.model.contacts.end(),
+      [&](const Contact& contact) { return gap(contact, scene.truth.start.q, 0.0) >= 0.0; });
+}
+
 }  // namespace
+
+void draw_starts(std::uint64_t seed, std::uint64_t stream, double of_machine,
+                 std::optional<double> of_replica, Scene& machine, Scene& observer) {
+  State& start = machine.truth.start;
+  if (of_machine > 0.0) {
+    const State center = start;
+    constexpr int attempts = 1000;
+    Random random(seed, stream, Purpose::start_of_machine);
+    for (int attempt = 0;; ++attempt) {
+      if (attempt == attempts)
+        throw Error("no start of the machine outside its supports was drawn");
+      const State offset = drawn_offset(machine.model, of_machine, random);
+      start = {center.q + offset.q, center.u + offset.u};
+      if (machine.truth.release_penetration || outside(machine)) break;
+    }
+    machine.truth.given = true;
+  }
+  const Eigen::Index f = observer.model.coordinates();
+  if (of_replica) {
+    Random random(seed, stream, Purpose::start_of_replica);
+    const State offset = drawn_offset(machine.model, *of_replica, random);
+    observer.prior.start = {(start.q + offset.q).head(f), (start.u + offset.u).head(f)};
+  }
+  observer.truth.start = {start.q.head(f), start.u.head(f)};
+}
+
+std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
+                                  const Disturbance& disturbance, int contacts, double end,
+                                  std::uint64_t seed, std::uint64_t stream) {
+  return sprag::disturb(events, disturbance, contacts, end, Random(seed, stream, Purpose::jitter),
+                        Random(seed, stream, Purpose::losses),
+                        Random(seed, stream, Purpose::spurious));
+}
 
 Truth run_machine(const Scene& machine, double duration, double tick, int samples) {
   Truth truth{machine.model, {}, tick, 1, {}, {}};
@@ -178,4 +241,4 @@ void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures)
   }
 }
 
-}  // namespace sprag::study
+}  // namespace sprag::python

@@ -3,14 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <span>
 #include <vector>
 
 #include "sprag/contact_event.h"
 
-namespace sprag::study {
+namespace sprag {
 
 struct Disturbance {
   double jitter = 0.0;    ///< standard deviation of event times [s]
@@ -21,20 +20,21 @@ struct Disturbance {
 };
 
 /// Drops events that close or pulse a closed contact, or open an open one, as event_history.h does.
-void drop_contradicting(std::vector<ContactEvent>& events);
+inline void drop_contradicting(std::vector<ContactEvent>& events) {
+  ContactSet chi = 0;
+  std::erase_if(events, [&](const ContactEvent& event) {
+    const bool opens = event.kind == ContactEventKind::opens;
+    if (contains(chi, event.contact) != opens) return true;
+    chi = after(chi, event);
+    return false;
+  });
+}
 
 /// The events as they arrive, up to `end`. Each is shifted by offset and noise, but stays later
 /// than the previous one and than t = 0 by at least an ulp, unless both offset and noise are zero.
-/// Events that contradict earlier ones are dropped. A pure function of its arguments. With the same
-/// seed and run the noise is proportional to the jitter, and events lost at a small fraction are
-/// also lost at a larger one.
-std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
-                                  const Disturbance& disturbance, int contacts, double end,
-                                  std::uint64_t seed, std::uint64_t run);
-
-/// The same with other sources of random numbers. Times, losses and pulses have one source each, so
-/// that one does not change the draws of another. A source has uniform(), exponential() and
-/// normal().
+/// Events that contradict earlier ones are dropped. Times, losses and pulses have one source of
+/// random numbers each, so that one does not change the draws of another. A source has uniform(),
+/// exponential() and normal().
 template <class Source>
 std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
                                   const Disturbance& disturbance, int contacts, double end,
@@ -66,4 +66,4 @@ std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
   return arrived;
 }
 
-}  // namespace sprag::study
+}  // namespace sprag

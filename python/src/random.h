@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <numbers>
 
-namespace sprag::study {
+namespace sprag::python {
 
 /// Ten rounds of Philox on a counter of four words with a key of two.
 std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter,
@@ -48,4 +48,4 @@ class Random {
   int left_ = 0;
 };
 
-}  // namespace sprag::study
+}  // namespace sprag::python
