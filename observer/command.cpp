@@ -5,16 +5,6 @@
 namespace sprag {
 namespace {
 
-EstimatorKind choose_estimator(std::optional<EstimatorKind> given, StepperKind stepper) {
-  using enum EstimatorKind;
-  if (stepper == StepperKind::exact) return given.value_or(both);
-  if (given.value_or(replica) != replica) {
-    throw UsageError(
-        "--stepper moreau: a timing filter needs the exact one; choose --estimator replica");
-  }
-  return replica;
-}
-
 void add_replay_options(CLI::App& app, CommonOptions& common, ObserverCommand& command) {
   using Use = NamedFile::Use;
   auto* states = add_file(app, common, "--states", Use::written, command.options.states, "F.csv",
@@ -52,34 +42,25 @@ void add_observer_options(CLI::App& app, CommonOptions& common, ObserverCommand&
   add_positive(app, "--duration", options.duration, "T",
                "Stop when this simulated time has settled");
   add_positive(app, "--tick", options.tick, "h", "Tick, simulated time [1e-3]");
-  add_choice<StepperKind>(app, "--stepper", options.stepper,
-                          {{"exact", StepperKind::exact}, {"moreau", StepperKind::moreau}},
-                          "exact (events at their own times) or moreau (of the replica alone)");
-  add_choice<std::optional<EstimatorKind>>(
-      app, "--estimator", command.estimator,
+  add_choice<EstimatorKind>(
+      app, "--estimator", options.estimator,
       {{"replica", EstimatorKind::replica},
        {"timing", EstimatorKind::timing},
        {"both", EstimatorKind::both},
        {"adaptive", EstimatorKind::adaptive}},
       "replica (clutches switched by the events), timing (event times as measurements), both "
       "(timing as long as it fits, else replica) or adaptive (parameters as well, see [adapt]) "
-      "[both; with --stepper moreau: replica]");
+      "[both]");
   add_positive(app, "--history", options.history, "T",
                "Simulated time of ticks that are kept to go back to [2]");
   add_flag(app, "--realtime", options.real_time, "SCHED_FIFO and locked memory, where permitted");
   add_replay_options(app, common, command);
 }
 
-void complete(ObserverCommand& command) {
-  ObserverOptions& options = command.options;
-  options.estimator = choose_estimator(command.estimator, options.stepper);
+void check(const ObserverCommand& command) {
+  const ObserverOptions& options = command.options;
   const bool has_filter =
       options.estimator == EstimatorKind::timing || options.estimator == EstimatorKind::both;
-  if (options.stepper == StepperKind::moreau && !options.impacts.empty()) {
-    throw UsageError(
-        "--stepper moreau: takes all events of a tick at once and has no states for --impacts; "
-        "choose --stepper exact");
-  }
   if (options.predict > 0.0 && !has_filter) {
     throw UsageError(
         "--predict: only a timing filter of the scene's own parameters has a sigma of later "

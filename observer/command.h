@@ -2,7 +2,6 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 
 #include "command_line/program.h"
 #include "observer/options.h"
@@ -18,14 +17,13 @@ struct ObserverCommand {
   std::filesystem::path scene;
   ObserverOptions options;
   ReplayOptions replay;
-  std::optional<EstimatorKind> estimator;  ///< as given; none: by the stepper
   bool smooth = false;
 };
 
 /// Adds all options but the common ones. Parsing fills `command`, which must outlive `app`.
 void add_observer_options(CLI::App& app, CommonOptions& common, ObserverCommand& command);
 
-/// Sets options.estimator and checks options that depend on each other. Throws UsageError.
-void complete(ObserverCommand& command);
+/// Checks options that depend on each other. Throws UsageError.
+void check(const ObserverCommand& command);
 
 }  // namespace sprag

@@ -20,9 +20,6 @@ const Scene& checked(const Scene& scene, const ObserverOptions& options) {
   const auto refuse = [](const std::string& option, const char* why) {
     throw UsageError(option + " does not support a streamed excitation (the key `stream`): " + why);
   };
-  if (options.stepper != StepperKind::exact) {
-    refuse("--stepper moreau", "its steps would have to be repeated when samples arrive");
-  }
   if (options.estimator == EstimatorKind::adaptive) {
     refuse("--estimator adaptive", "identification needs the whole record");
   }
@@ -49,9 +46,9 @@ Estimation::Estimation(const Scene& given, const ObserverOptions& options, std::
       coordinates(of.scene.model.coordinates()),
       initial_bound(options.estimator == EstimatorKind::adaptive ? infinity
                                                                  : sprag::initial_bound(of.scene)),
-      estimator(of.scene, options.tick, options.estimator, options.stepper),
+      estimator(of.scene, options.tick, options.estimator),
       time_line(estimator, contacts, of.scene.prior.start, history),
-      stream(of.input ? std::make_unique<InputStream>(of, *estimator.flows(), time_line) : nullptr),
+      stream(of.input ? std::make_unique<InputStream>(of, estimator.flows(), time_line) : nullptr),
       guarantee(guarantee_of(of.scene, estimator)) {
   set_end(options.duration);
 }
@@ -119,7 +116,7 @@ void Estimation::pass(const State& state) {
 
 void Estimation::to_json(nlohmann::ordered_json& report) {
   report["settled_tick"] = time_line.handed_out();
-  report["flow_path"] = estimator.flow_path();
+  report["flow_path"] = name(estimator.flows()[0].path());
   if (!stream) return;
   const InputCounts& counts = stream->counts();
   report["input"] = {{"messages", counts.messages},

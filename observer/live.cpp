@@ -62,8 +62,7 @@ class LiveObserver {
         publication_(bus_, inbox_, outbox_, notices_, settled_, reception_, options.duration,
                      scene.model.outputs) {
     // New samples of a streamed input change flows, which another thread must not build meanwhile.
-    Flows* flows = estimation_.estimator.flows();
-    if (flows != nullptr && !estimation_.stream) flow_builder_.emplace(*flows);
+    if (!estimation_.stream) flow_builder_.emplace(estimation_.estimator.flows());
     if (const MachineFamily* family = estimation_.estimator.family()) {
       identification_.emplace(*family, TrackingEstimator::most_events);
       loop_.identify_in(*identification_);
@@ -158,7 +157,7 @@ class LiveObserver {
   }
 
   Estimation estimation_;
-  std::optional<FlowBuilder> flow_builder_;             // with the exact stepper
+  std::optional<FlowBuilder> flow_builder_;             // without a streamed input
   std::optional<IdentificationThread> identification_;  // with an adaptive estimator
   std::optional<SettledFollower> follower_;             // with --impacts or --predict
   Inbox inbox_;

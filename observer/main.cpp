@@ -20,7 +20,7 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(command.scene, common);
-    sprag::complete(command);
+    sprag::check(command);
     const bool streamed = scene.stream_duration > 0.0;
     const double end = sprag::end_of_inputs(scene.model);
     if (!streamed && std::isfinite(command.options.duration)) {

@@ -5,15 +5,14 @@
 #include <filesystem>
 #include <limits>
 
+#include "sprag/confidence.h"
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/detail/replica/any_replica.h"
 
 namespace sprag {
 
 struct ObserverOptions {
   double tick = 1e-3;                                         ///< h, simulated [s]
   double duration = std::numeric_limits<double>::infinity();  ///< simulated [s]
-  StepperKind stepper = StepperKind::exact;                   ///< of the replica
   EstimatorKind estimator = EstimatorKind::both;
   std::filesystem::path states;       ///< settled ticks as CSV; empty: none
   std::filesystem::path impacts;      ///< impacts at settled events as CSV; empty: none

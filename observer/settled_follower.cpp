@@ -16,7 +16,7 @@ constexpr std::int64_t longest_wait_for_settled = 100'000'000;  // ns
 SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus)
     : start_(scene.prior.start),
       last_(options.last()),
-      estimator_(scene, options.tick, options.estimator, options.stepper),
+      estimator_(scene, options.tick, options.estimator),
       writer_(writer_of<ImpactsWriter>(options.impacts)),
       ahead_(options.predict),
       predictions_(writer_of<PredictionsWriter>(options.predictions)),

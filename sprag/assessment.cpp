@@ -16,7 +16,6 @@ namespace {
 using Eigen::Index;
 
 constexpr double two_pi = 2.0 * std::numbers::pi;
-constexpr double moreau_ticks_per_period = 20.0;
 // More closings of one contact in a period of the slowest mode are bursts. The shipped scenes have
 // 97 at most, chatter included; stiff finite-element models of a beam with a stop some 500.
 constexpr double most_closings_per_period = 200.0;
@@ -331,16 +330,6 @@ std::optional<Finding> bursts_finding(const Assessment& a) {
       "modes, whose periods are long compared with a burst"};
 }
 
-Finding moreau_finding(const Assessment& a) {
-  if (a.omega_max == 0.0) return {"moreau_tick", false, true, "no mode vibrates", ""};
-  return {"moreau_tick", false, true,
-          "fastest mode: omega " + readable(a.omega_max) + ". --stepper moreau needs a tick of " +
-              readable(a.moreau_tick) +
-              " or less for accuracy (20 per period; theta = 1/2 is stable with any), --stepper "
-              "exact is right with any",
-          ""};
-}
-
 // Restitutions of the replica that differ from the master's.
 std::string own_restitutions(const Model& model) {
   std::string own;
@@ -525,7 +514,6 @@ Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token
   a.monotonicity = monotonicity(dynamics);
   a.modes = modes(dynamics);
   for (const Mode& mode : a.modes) a.omega_max = std::max(a.omega_max, mode.omega);
-  a.moreau_tick = two_pi / (moreau_ticks_per_period * a.omega_max);
   // A trial ends with the recorded inputs.
   const double longest = std::min(trial_duration(scene, dynamics, a), end_of_inputs(scene.model));
   a.trial = run_trial(scene, longest, limits);
@@ -538,7 +526,6 @@ Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token
   findings.push_back(trial_finding(a.trial));
   findings.push_back(seen_modes(a.modes));
   if (auto bursts = bursts_finding(a)) findings.push_back(std::move(*bursts));
-  findings.push_back(moreau_finding(a));
   if (own_restitutions(model).empty()) {
     a.filter = try_filter(scene, a.trial.events, a.trial.duration, limits);
   }

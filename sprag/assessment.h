@@ -53,11 +53,10 @@ struct Assessment {
   Monotonicity monotonicity;            ///< of the impact law
   std::vector<Mode> modes;              ///< undamped modes, and how contacts see them
   FlowPath path = FlowPath::diagonal;   ///< kind of exact flow in free flight
-  double slow_root = 0.0;    ///< largest real part of the eigenvalues of the damped machine
-  double decades = 0.0;      ///< decades of V per unit of time by damping alone
-  double omega_max = 0.0;    ///< largest frequency of the undamped modes [rad per unit of time]
-  double moreau_tick = 0.0;  ///< 20 ticks per period of the fastest mode; infinity if none vibrates
-  Trial trial;               ///< short simulation of the master
+  double slow_root = 0.0;  ///< largest real part of the eigenvalues of the damped machine
+  double decades = 0.0;    ///< decades of V per unit of time by damping alone
+  double omega_max = 0.0;  ///< largest frequency of the undamped modes [rad per unit of time]
+  Trial trial;             ///< short simulation of the master
   std::optional<FilterTrial> filter;  ///< empty for the scene of a reduced machine
   std::optional<Accuracy> accuracy;   ///< set by assess_accuracy()
 

@@ -21,12 +21,6 @@ enum class EstimatorKind {
   adaptive  ///< both, with an identified model
 };
 
-/// \brief Integration of a replica's free flight.
-enum class StepperKind {
-  exact,  ///< exact flow
-  moreau  ///< Moreau's time stepping
-};
-
 /// \brief Innovation of the last reported closing: the gap that the estimate predicts there.
 ///
 /// It is zero for a perfect estimate.

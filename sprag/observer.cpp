@@ -58,7 +58,7 @@ class Observer::Core {
         length_(length_scale(scene.model, scene.prior.start)),
         contacts_(static_cast<int>(scene.model.contacts.size())),
         outputs_(scene.model.outputs),
-        estimator_(scene, settings.tick, settings.estimator, settings.stepper),
+        estimator_(scene, settings.tick, settings.estimator),
         time_line_(estimator_, contacts_, scene.prior.start, history),
         confidence_(estimator_.no_confidence()),
         q_(scene.model.coordinates()),
@@ -242,9 +242,6 @@ class Observer::Core {
 
 Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
   require_tick(settings.tick);
-  if (settings.stepper != StepperKind::exact && settings.estimator != EstimatorKind::replica) {
-    throw std::invalid_argument("the moreau estimator is one of the replica alone");
-  }
   core_ = std::make_unique<Core>(scene, settings);
 }
 

@@ -62,7 +62,6 @@ struct Estimate {
 struct ObserverSettings {
   double tick = 0.01;                             ///< step h > 0 [s]
   EstimatorKind estimator = EstimatorKind::both;  ///< kind of estimator
-  StepperKind stepper = StepperKind::exact;       ///< `moreau`: EstimatorKind::replica only
 };
 
 /// \brief Estimates the state of a machine from its contact events.
@@ -72,8 +71,8 @@ class Observer {
   /// \param scene machine, start and uncertainties.
   /// \param settings tick and estimator.
   /// \throws ModelError if the machine has no exact flow, or the scene has no adaptive estimator.
-  /// \throws std::invalid_argument for a tick that is not > 0, a stepper that the estimator does
-  /// not have, or an unknown key in scene.prior.adaptation.
+  /// \throws std::invalid_argument for a tick that is not > 0, or an unknown key in
+  /// scene.prior.adaptation.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   ~Observer();
   /// \brief Moves an observer.

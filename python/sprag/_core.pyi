@@ -8,7 +8,6 @@ import numpy.typing as npt
 _Numbers = npt.NDArray[np.float64]
 _Law = Literal["poisson", "newton"]
 _Estimator = Literal["both", "timing", "replica", "adaptive"]
-_Stepper = Literal["exact", "moreau"]
 _Events = npt.NDArray[np.void] | Sequence[tuple[float, int, int]]
 
 # Metaclass of all classes of pybind11.
@@ -355,7 +354,6 @@ def observe(
     *,
     tick: float = ...,
     estimator: _Estimator = ...,
-    stepper: _Stepper = ...,
 ) -> Estimates: ...
 
 class Estimate(metaclass=_Class):
@@ -407,7 +405,6 @@ class Observer(metaclass=_Class):
         *,
         tick: float = ...,
         estimator: _Estimator = ...,
-        stepper: _Stepper = ...,
     ) -> None: ...
     def take(self, t: float, contact: int = ..., kind: int = ...) -> bool: ...
     def set_horizon(self, t: float) -> None: ...

@@ -584,7 +584,7 @@ void bind_impacts(py::module_& module) {
       [](const Scene& scene, const py::object& events, double duration, double tick,
          const std::string& estimator) {
         const EventList taken = to_events(events, scene.model.contacts.size());
-        const ObserverSettings settings = to_settings(tick, estimator, "exact");
+        const ObserverSettings settings = to_settings(tick, estimator);
         const std::vector<ImpactRecord> records =
             long_call([&] { return impacts(scene, taken, duration, settings); });
         std::vector<ImpactRow> rows;
@@ -622,7 +622,7 @@ void bind_impacts(py::module_& module) {
       [](const Scene& scene, const py::object& events, double t, double ahead, double tick,
          const std::string& estimator) {
         const EventList taken = to_events(events, scene.model.contacts.size());
-        const ObserverSettings settings = to_settings(tick, estimator, "exact");
+        const ObserverSettings settings = to_settings(tick, estimator);
         return long_call([&] { return predict(scene, taken, t, ahead, settings); });
       },
       py::arg("scene"), py::arg("events"), py::arg("t"), py::arg("ahead"), py::kw_only(),

@@ -90,7 +90,7 @@ SPRAG_MEMBERS(CertifiedFloor, median, largest, without_events)
 SPRAG_MEMBERS(GuaranteedWidths, floor, duration, why_none, widths)
 SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
 SPRAG_MEMBERS(Assessment, scene, coordinates, law, M, C, K, W, opposing, monotonicity, modes, path,
-              slow_root, decades, omega_max, moreau_tick, trial, filter, accuracy, findings)
+              slow_root, decades, omega_max, trial, filter, accuracy, findings)
 
 // ---- parameters
 SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,

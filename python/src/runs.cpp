@@ -41,12 +41,6 @@ Simulation run_master(const Scene& scene, double duration, double tick) {
   return run;
 }
 
-StepperKind to_stepper(const std::string& name) {
-  if (name == "exact") return StepperKind::exact;
-  if (name == "moreau") return StepperKind::moreau;
-  throw std::invalid_argument("stepper is \"" + name + "\"; must be \"exact\" or \"moreau\"");
-}
-
 std::int64_t skipped(const EventCounts& counts) {
   return std::accumulate(counts.skipped.begin(), counts.skipped.end(), std::int64_t{0});
 }
@@ -248,16 +242,16 @@ void bind_estimates(py::module_& module) {
   module.def(
       "observe",
       [](const Scene& scene, const py::object& events, double duration, double tick,
-         const std::string& estimator, const std::string& stepper) {
+         const std::string& estimator) {
         const auto taken = to_events(events, scene.model.contacts.size());
-        const ObserverSettings settings = to_settings(tick, estimator, stepper);
+        const ObserverSettings settings = to_settings(tick, estimator);
         return long_call([&] { return observe(scene, taken, duration, settings); });
       },
       py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
-      py::arg("tick") = 0.01, py::arg("estimator") = "both", py::arg("stepper") = "exact",
+      py::arg("tick") = 0.01, py::arg("estimator") = "both",
       "Estimates from recorded events up to duration [s], at every tick [s]. events: an "
       "array of event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", "
-      "\"timing\", \"replica\" or \"adaptive\"; stepper: \"exact\" or, of the replica, \"moreau\". "
+      "\"timing\", \"replica\" or \"adaptive\". "
       "Raises ModelError or ValueError.");
 }
 
@@ -326,12 +320,10 @@ void bind_observer(py::module_& module) {
       module, "Observer",
       "Takes contact events in any order and late, gives settled estimates in order and the "
       "estimate at any time. Threads may share one: calls wait for each other.")
-      .def(py::init([](const Scene& scene, double tick, const std::string& estimator,
-                       const std::string& stepper) {
-             return std::make_unique<SharedObserver>(scene, to_settings(tick, estimator, stepper));
+      .def(py::init([](const Scene& scene, double tick, const std::string& estimator) {
+             return std::make_unique<SharedObserver>(scene, to_settings(tick, estimator));
            }),
-           py::arg("scene"), py::kw_only(), py::arg("tick") = 0.01, py::arg("estimator") = "both",
-           py::arg("stepper") = "exact")
+           py::arg("scene"), py::kw_only(), py::arg("tick") = 0.01, py::arg("estimator") = "both")
       .def("take", &SharedObserver::take, py::arg("t"), py::arg("contact") = 1,
            py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
            "Takes an event at t [s] of a contact, from 1, of a ContactEventKind. False if it is "
@@ -516,9 +508,8 @@ EstimatorKind to_estimator(const std::string& name) {
                               "\"; must be \"both\", \"timing\", \"replica\" or \"adaptive\"");
 }
 
-ObserverSettings to_settings(double tick, const std::string& estimator,
-                             const std::string& stepper) {
-  return {tick, to_estimator(estimator), to_stepper(stepper)};
+ObserverSettings to_settings(double tick, const std::string& estimator) {
+  return {tick, to_estimator(estimator)};
 }
 
 void bind_runs(py::module_& module) {

@@ -10,6 +10,6 @@ namespace sprag::python {
 /// Throws std::invalid_argument for an unknown name.
 EstimatorKind to_estimator(const std::string& name);
 /// Throws std::invalid_argument for an unknown name.
-ObserverSettings to_settings(double tick, const std::string& estimator, const std::string& stepper);
+ObserverSettings to_settings(double tick, const std::string& estimator);
 
 }  // namespace sprag::python

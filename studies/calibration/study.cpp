@@ -53,7 +53,7 @@ Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene&
              const std::vector<double>& V_replica) {
   const Eigen::Index f = given.model.coordinates();
   const auto& contacts = given.model.contacts;
-  TrackingEstimator estimator(given, truth.tick, kind, StepperKind::exact, thresholds);
+  TrackingEstimator estimator(given, truth.tick, kind, thresholds);
   const ErrorEnergy energy(machine.model);
   const double start = energy(machine.truth.start.q, machine.truth.start.u, given.prior.start.q,
                               given.prior.start.u)[0];

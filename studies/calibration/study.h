@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "sprag/confidence.h"
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/filter/track.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "sprag/scene.h"
 #include "studies/calibration/statistics.h"
 #include "studies/common/disturbance.h"

@@ -251,13 +251,11 @@ TEST_F(InputStreamTest, AnInputThatStopsIsReportedAndSigmaGrows) {
 
 TEST_F(InputStreamTest, WhatAStreamExcludes) {
   const std::string machine = streamed();
-  for (const Arguments& more :
-       {Arguments{"--stepper", "moreau"}, Arguments{"--predict", "1"},
-        Arguments{"--impacts", file("i.csv")}, Arguments{"--estimator", "adaptive"}}) {
+  for (const Arguments& more : {Arguments{"--predict", "1"}, Arguments{"--impacts", file("i.csv")},
+                                Arguments{"--estimator", "adaptive"}}) {
     const Ended ended = run("observer", Arguments{machine, "--duration", "1"} + more);
     EXPECT_EQ(ended.code, 2) << ended.err;
-    const std::string option =
-        more[0] == "--stepper" || more[0] == "--estimator" ? more[0] + " " + more[1] : more[0];
+    const std::string option = more[0] == "--estimator" ? more[0] + " " + more[1] : more[0];
     EXPECT_NE(ended.err.find(option), std::string::npos) << ended.err;
     EXPECT_NE(ended.err.find("streamed excitation"), std::string::npos) << ended.err;
   }

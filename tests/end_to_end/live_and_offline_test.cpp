@@ -91,14 +91,6 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheReplicaEqualTheReplayBitForBitThroug
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "replica"});
 }
 
-TEST_F(LiveAndOfflineTest, SettledTicksOfTheMoreauStepperEqualTheReplayBitForBit) {
-  expect_settled_ticks_as_in_replays("paper_beam", {"--stepper", "moreau"});
-}
-
-TEST_F(LiveAndOfflineTest, SettledTicksOfTheMoreauStepperEqualTheReplayBitForBitThroughChatter) {
-  expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--stepper", "moreau"});
-}
-
 TEST_F(LiveAndOfflineTest, SettledTicksOfTheTimingFilterEqualTheReplayBitForBit) {
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "timing"});
 }

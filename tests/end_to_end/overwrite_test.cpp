@@ -169,8 +169,7 @@ q = "q.csv"
     refused("observer", {rig, "--replay", log, option, M}, option);
   }
   refused("observer", {rig, "--states", M}, "--states");
-  refused("observer", {rig, "--stepper", "moreau", "--estimator", "timing", "--report", M},
-          "--report");
+  refused("observer", {rig, "--predict", "1", "--estimator", "replica", "--report", M}, "--report");
   refused("sync_logger", {rig, "--csv", M}, "--csv");
   refused("sync_logger", {rig, "--record", M}, "--record");
   refused("check_scene", {rig, "--report", M}, "--report");

@@ -61,21 +61,12 @@ TEST_F(UsageTest, ImpossibleNumbersAreRefused) {
 TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("master_sim", {beam_, "--speed", "max", "--no-lcm"}, "--duration");
   expect_refused("observer", {beam_, "--events", file("events.csv")}, "--replay");
-  expect_refused("observer", {beam_, "--stepper", "euler"},
-                 "--stepper: euler; choose exact or moreau\n");
   expect_refused("observer", {beam_, "--estimator", "kalman"},
                  "--estimator: kalman; choose replica, timing, both or adaptive\n");
-  for (const char* estimator : {"timing", "both"}) {
-    expect_refused("observer", {beam_, "--stepper", "moreau", "--estimator", estimator},
-                   "--stepper moreau: a timing filter needs the exact one");
-  }
-  expect_refused("observer", {beam_, "--stepper", "moreau", "--impacts", file("impacts.csv")},
-                 "has no states for --impacts");
   const std::string recorded = simulate(beam_, "5", "0.1");
   expect_refused("observer", {beam_, "--predictions", file("p.csv")}, "--predict");
   expect_refused("observer", {beam_, "--predict", "-1"}, "--predict");
   expect_refused("observer", {beam_, "--predict", "1", "--replay", recorded}, "--predictions");
-  expect_refused("observer", {beam_, "--predict", "1", "--stepper", "moreau"}, "--predict");
   for (const char* estimator : {"replica", "adaptive"}) {
     expect_refused("observer", {beam_, "--predict", "1", "--estimator", estimator}, "--predict");
   }
@@ -91,17 +82,6 @@ TEST_F(UsageTest, OptionsThatContradictEachOtherAreRefused) {
   expect_refused("sync_logger", {beam_, "--truth", file("truth.csv"), "--csv", file("sync.csv")},
                  "--estimate");
   expect_refused("sync_logger", {beam_, "--now"}, "--csv");
-}
-
-TEST_F(UsageTest, MoreauStepperSelectsReplica) {
-  const std::string events = simulate(beam_, "2", "0.1");
-  const Arguments more{"--tick", "0.1", "--duration", "2"};
-  const Arguments moreau = more + Arguments{"--stepper", "moreau"};
-  const Arguments replica{"--estimator", "replica"};
-  EXPECT_EQ(read_text(replay(beam_, events, moreau)),
-            read_text(replay(beam_, events, moreau + replica)));
-  EXPECT_EQ(read_text(replay(beam_, events, more + replica)),
-            read_text(replay(beam_, events, more + replica + Arguments{"--stepper", "exact"})));
 }
 
 // With a standard stream closed at its start a program does not write its messages into the first

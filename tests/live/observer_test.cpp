@@ -49,18 +49,17 @@ bool same(const Estimate& a, const Estimate& b) {
          a.sigma_gap == b.sigma_gap;
 }
 
-class ObserverTest
-    : public testing::TestWithParam<std::tuple<const char*, EstimatorKind, StepperKind>> {
+class ObserverTest : public testing::TestWithParam<std::tuple<const char*, EstimatorKind>> {
  protected:
   Scene scene_ = scene_of(std::get<0>(GetParam()));
-  ObserverSettings settings_{tick_length, std::get<1>(GetParam()), std::get<2>(GetParam())};
+  ObserverSettings settings_{tick_length, std::get<1>(GetParam())};
   std::vector<ContactEvent> events_ = events_of(scene_);
 };
 
 TEST_P(ObserverTest, EqualsTimeLineWithPromptReports) {
   std::vector<Estimate> expected;
   {
-    TrackingEstimator estimator(scene_, tick_length, settings_.estimator, settings_.stepper);
+    TrackingEstimator estimator(scene_, tick_length, settings_.estimator);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
     TimeLine<TrackingEstimator> line(estimator, contacts, scene_.prior.start, 1);
     line.restart(0, 0, 0, no_horizon);
@@ -148,13 +147,12 @@ TEST_P(ObserverTest, ObservesARecordingAtOnce) {
   EXPECT_EQ(all.counts.events, static_cast<std::int64_t>(events_.size()));
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, ObserverTest,
-    testing::Values(std::tuple{scenes[0], EstimatorKind::both, StepperKind::exact},
-                    std::tuple{scenes[1], EstimatorKind::replica, StepperKind::exact},
-                    std::tuple{scenes[1], EstimatorKind::timing, StepperKind::exact},
-                    std::tuple{scenes[2], EstimatorKind::both, StepperKind::exact},
-                    std::tuple{scenes[3], EstimatorKind::replica, StepperKind::moreau}));
+INSTANTIATE_TEST_SUITE_P(Scenes, ObserverTest,
+                         testing::Values(std::tuple{scenes[0], EstimatorKind::both},
+                                         std::tuple{scenes[1], EstimatorKind::replica},
+                                         std::tuple{scenes[1], EstimatorKind::timing},
+                                         std::tuple{scenes[2], EstimatorKind::both},
+                                         std::tuple{scenes[3], EstimatorKind::replica}));
 
 TEST(Observer, RefusesLateEventsWithMessage) {
   const Scene scene = scene_of("paper_beam");
@@ -196,8 +194,6 @@ TEST(Observer, CanBeMoved) {
 TEST(Observer, RefusesInvalidSettings) {
   const Scene scene = scene_of("lab_rig");
   EXPECT_THROW(Observer(scene, {.tick = 0.0}), std::invalid_argument);
-  EXPECT_THROW(Observer(scene, {.tick = tick_length, .stepper = StepperKind::moreau}),
-               std::invalid_argument);
   EXPECT_THROW(observe(scene, {}, -1.0), std::invalid_argument);
 }
 

@@ -6,7 +6,6 @@
 #include <limits>
 #include <tuple>
 
-#include "sprag/detail/replica/moreau.h"
 #include "sprag/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/random_events.h"
@@ -88,8 +87,7 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Estimators =
-    ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
+using Estimators = ::testing::Types<Replica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, EqualsStepperWithAllEventsKnown) {

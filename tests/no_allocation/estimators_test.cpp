@@ -1,4 +1,4 @@
-// The steppers' ticks, with all their cases.
+// The estimators' ticks, with all their cases.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,7 +9,6 @@
 
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_events.h"
 #include "tests/support/random_model.h"
@@ -60,7 +59,6 @@ Drive random_drive(std::uint64_t seed, Structure structure, Eigen::Index f, int 
 }
 
 ContactSet locked(const ReplicaState& state) { return state.motion.flow->locked(); }
-ContactSet locked(const MoreauState&) { return 0; }
 ContactSet locked(const TrackingState& state) { return state.belief ? state.belief->held : 0; }
 
 /// The cases that a run has covered, and its allocations.
@@ -240,27 +238,6 @@ TEST(ReplicaState, CopiesDoNotAllocate) {
   replica.start(drive.start, 0, 0, other);
   (void)run(replica, drive, state);
   EXPECT_EQ(allocations_of([&] { other = state; }), 0);
-}
-
-TEST(MoreauTick, NeverAllocates) {
-  for (const char* name : {"paper_beam", "paper_beam_chatter", "stiff_beam"}) {
-    SCOPED_TRACE(name);
-    const Drive drive = shipped(name);
-    MoreauReplica replica(drive.model, drive.h);
-    MoreauReplica::State state;
-    const Met met = run(replica, drive, state);
-    EXPECT_EQ(met.allocations, 0);
-    EXPECT_GT(met.pulses, 20);
-  }
-  for (const Structure structure : {Structure::diagonal, Structure::coupled}) {
-    const Drive drive = random_drive(330, structure, 8, 6);
-    MoreauReplica replica(drive.model, drive.h);
-    MoreauReplica::State state;
-    const Met met = run(replica, drive, state);
-    EXPECT_EQ(met.allocations, 0);
-    EXPECT_GT(met.pulses, 500);
-    EXPECT_GT(met.closings, 500);
-  }
 }
 
 }  // namespace

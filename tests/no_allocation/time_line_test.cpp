@@ -14,7 +14,6 @@
 #include "observer/spsc_queue.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/live/histogram.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random_events.h"
 #include "tests/support/recorded_run.h"
@@ -25,7 +24,7 @@ namespace {
 
 template <typename E>
 class TimeLineRun : public testing::Test {};
-using Estimators = testing::Types<Replica, MoreauReplica, BothEstimator, AnyReplica>;
+using Estimators = testing::Types<Replica, BothEstimator>;
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// The received messages: a report every 10 ms and at every event, encoded.

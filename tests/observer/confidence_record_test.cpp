@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "sprag/detail/live/time_line.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/tracking_estimators.h"
 

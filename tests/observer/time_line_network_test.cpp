@@ -7,7 +7,6 @@
 
 #include "recording/session_tracker.h"
 #include "sprag/detail/live/time_line.h"
-#include "sprag/detail/replica/moreau.h"
 #include "sprag/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/recorded_run.h"
@@ -179,7 +178,7 @@ class NetworkTest : public ::testing::Test {
   Figures figures_;
 };
 
-using Estimators = ::testing::Types<Replica, MoreauReplica, ExactBoth, JitteringBoth>;
+using Estimators = ::testing::Types<Replica, ExactBoth, JitteringBoth>;
 TYPED_TEST_SUITE(NetworkTest, Estimators);
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {

@@ -83,8 +83,6 @@ class ErrorsTest(unittest.TestCase):
             "tick": lambda: sprag.simulate(beam, 1.0, tick=-1.0),
             "tick of observe": lambda: sprag.observe(beam, events, 1.0, tick=0.0),
             "estimator": lambda: sprag.observe(beam, events, 1.0, estimator="none"),
-            "stepper": lambda: sprag.observe(beam, events, 1.0, stepper="euler"),
-            "stepper of a filter": lambda: sprag.observe(beam, events, 1.0, stepper="moreau"),
             "contact": lambda: sprag.observe(beam, [(1.0, 2, 3)], 1.0),
             "contact from 0": lambda: sprag.observe(beam, [(1.0, 0, 3)], 1.0),
             "kind": lambda: sprag.observe(beam, [(1.0, 1, 4)], 1.0),

@@ -74,7 +74,6 @@ void write_json(const Assessment& a, nlohmann::ordered_json& object) {
     object["slow_root"] = a.slow_root;
     object["decades"] = a.decades;
     object["omega_max"] = a.omega_max;
-    object["moreau_tick"] = a.moreau_tick;
     object["modes"] = modes_json(a.modes);
     object["trial"] = trial_json(a.trial);
     if (a.filter) {

@@ -102,7 +102,7 @@ template <typename Estimator>
 std::unique_ptr<Guarantee> guarantee_of(const Scene& scene, Estimator& estimator) {
   if (!estimator.has_replica()) return nullptr;
   if (!scene.prior.tolerance.any() && initial_bound(scene) == infinity) return nullptr;
-  return std::make_unique<Guarantee>(scene, *estimator.flows(), estimator.h());
+  return std::make_unique<Guarantee>(scene, estimator.flows(), estimator.h());
 }
 
 }  // namespace sprag

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
@@ -17,19 +18,13 @@ constexpr std::int64_t longest_window = 160;
 
 bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
-// Shares the flows of the replica, which outlives the filter; builds new ones if it has none.
-std::shared_ptr<Flows> shared_flows(Flows* of_replica, const Scene& scene) {
-  if (of_replica == nullptr) return std::make_shared<Flows>(scene.model);
-  return {std::shared_ptr<Flows>(), of_replica};
-}
-
 }  // namespace
 
 static_assert(Estimator<TrackingEstimator>);
 
 TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind,
-                                     StepperKind stepper, TrackThresholds thresholds)
-    : base_(scene, h, stepper),
+                                     TrackThresholds thresholds)
+    : replica_(scene, h),
       kind_(kind),
       thresholds_(thresholds),
       identifies_(kind == EstimatorKind::adaptive) {
@@ -41,7 +36,9 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
     filter_ = std::make_unique<SceneFilter>(
         scene, unknowns_named(scene, scene.prior.parameters.keys), true);
   } else {
-    filter_ = std::make_unique<SceneFilter>(scene, shared_flows(base_.flows(), scene));
+    // The replica, whose flows these are, outlives the filter.
+    filter_ = std::make_unique<SceneFilter>(
+        scene, std::shared_ptr<Flows>(std::shared_ptr<Flows>(), &replica_.flows()));
   }
 }
 
@@ -55,8 +52,8 @@ std::int64_t TrackingEstimator::first_size() const {
 void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
                               TrackingState& state) {
   TrackingState fresh;
-  std::swap(fresh.base, state.base);  // keeps its memory
-  base_.start(start, k, chi, fresh.base);
+  std::swap(fresh.replica, state.replica);  // keeps its memory
+  replica_.start(start, k, chi, fresh.replica);
   state = std::move(fresh);
   state.tick = k;
   state.chi = chi;
@@ -100,15 +97,19 @@ void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingStat
 
 void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
   if (identifies() && state.window.wanted && has_result(state)) take_result(state);
-  if (!filter_) {
-    base_.tick(events, state.base);
+  if (!filter_ || events.empty()) {
+    replica_.tick(events, state.replica);
   } else {
     recorded_ = records_ != nullptr ? records_->size() : 0;
-    base_.tick(events, state.base,
-               [&](std::span<const ContactEvent> of_one) { receive(of_one, state); });
+    replica_.open_tick(state.replica);
+    for_each_instant(events, [&](std::span<const ContactEvent> of_one) {
+      replica_.take(of_one, state.replica);
+      receive(of_one, state);
+    });
+    replica_.close_tick(state.replica);
   }
-  state.tick = state.base.tick;
-  state.chi = state.base.chi;
+  state.tick = state.replica.tick;
+  state.chi = state.replica.chi;
   if (filter_) end_tick(state);
 }
 
@@ -122,18 +123,18 @@ std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
     const double ahead = (until - tick_instant(state.tick, h()).hi) / h() - 1.0;
     if (ahead < static_cast<double>(n)) n = static_cast<std::int64_t>(std::max(ahead, 0.0));
   }
-  const std::int64_t taken = base_.coast(n, state.base);
-  state.tick = state.base.tick;
+  const std::int64_t taken = replica_.coast(n, state.replica);
+  state.tick = state.replica.tick;
   return taken;
 }
 
 void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingState& state) {
   recorded_ = records_ != nullptr ? records_->size() : 0;
-  base_.apply(events, state.base);
+  replica_.apply(events, state.replica);
   if (filter_) {
     for_each_instant(events, [&](std::span<const ContactEvent> of_one) { receive(of_one, state); });
   }
-  state.chi = state.base.chi;
+  state.chi = state.replica.chi;
   if (filter_) end_tick(state);
 }
 
@@ -170,34 +171,32 @@ void TrackingEstimator::receive(std::span<const ContactEvent> events, TrackingSt
   if (identifies() && state.window.events - state.window.first > most_events) {
     begin_window(state.window.events - most_events, state);
   }
-  if (base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, events, state);
+  if (state.track.status == TrackStatus::lost) reset(t, events, state);
   received_at(t, state);
 }
 
 void TrackingEstimator::end_tick(TrackingState& state) {
   const double t = tick_instant(state.tick, h()).hi;
   watch(t, state);
-  // Moreau's time stepping has a state at ticks only, so the reset waits for the tick.
-  if (!base_.is_exact() && state.track.status == TrackStatus::lost) reset(t, {}, state);
   if (identifies() && !state.belief &&
       state.window.events - state.window.first >= state.window.size) {
     state.window.wanted = true;
   }
 }
 
-bool TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
-  if (!base_.record_in(records)) return false;
-  if (!filter_) return true;
+void TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
+  recorder_ = std::make_unique<ImpactRecorder>(flows().dynamics(), records, 0.0, false);
+  replica_.record_in(recorder_.get());
+  if (!filter_) return;
   records_ = &records;
-  if (filter_->family) return true;
-  forces_ = std::make_unique<ImpactRecorder>(base_.flows()->dynamics(), with_forces_,
-                                             filter_->sigma, true);
-  return true;
+  if (filter_->family) return;
+  forces_ =
+      std::make_unique<ImpactRecorder>(flows().dynamics(), with_forces_, filter_->sigma, true);
 }
 
 // Follows the forces of held contacts from the time of the belief to t.
 void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
-  const Flow* flow = before.held != 0 ? base_.flows()->find(before.held) : nullptr;
+  const Flow* flow = before.held != 0 ? flows().find(before.held) : nullptr;
   if (flow == nullptr) return;
   SceneFilter& filter = *filter_;
   const Eigen::Index f = filter.flight->n(), size = 2 * f;
@@ -233,7 +232,7 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
   }
   record.before = {impact.before, impact.before_sigma};
   record.after = {impact.after, impact.after_sigma};
-  const Dynamics& dynamics = base_.flows()->dynamics();
+  const Dynamics& dynamics = flows().dynamics();
   const double G = dynamics.G()(event.contact, event.contact);
   record.impulse.value = (impact.after - impact.before) / G;
   // The errors of both speeds have one sign, so the deviations add up.
@@ -250,7 +249,7 @@ void TrackingEstimator::describe(const BeliefRef& before, const ContactEvent& ev
 // Sets filter_->x to the replica's state at t, for the machine with the estimated parameters.
 void TrackingEstimator::find_replica(const TrackingState& state, double t) {
   SceneFilter& filter = *filter_;
-  base_.output(state.base, filter.q, filter.u);
+  replica_.output(state.replica, filter.q, filter.u);
   if (state.belief) filter.flight->set(state.belief->z.tail(filter.flight->unknowns()), false);
   filter.flight->enter(filter.q, filter.u, t, filter.x);
 }
@@ -300,7 +299,7 @@ const FilterBelief& TrackingEstimator::belief_at(double t, const TrackingState& 
 
 // Returns twice the energy of the replica's present motion and updates the largest value.
 double TrackingEstimator::note_energy(TrackingState& state) {
-  base_.output(state.base, filter_->q, filter_->u);
+  replica_.output(state.replica, filter_->q, filter_->u);
   const double energy = filter_->motion_energy();
   state.track.energy = std::max(state.track.energy, energy);
   return energy;
@@ -608,7 +607,7 @@ bool TrackingEstimator::shows_filter(const TrackingState& state) const {
 void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
                                Eigen::Ref<Eigen::VectorXd> u) {
   if (!shows_filter(state)) {
-    base_.output(state.base, q, u);
+    replica_.output(state.replica, q, u);
     return;
   }
   const double t = tick_instant(state.tick, h()).hi;
@@ -617,7 +616,7 @@ void TrackingEstimator::output(const TrackingState& state, Eigen::Ref<Eigen::Vec
 }
 
 Confidence TrackingEstimator::no_confidence() const {
-  Confidence confidence = base_.no_confidence();
+  Confidence confidence = replica_.no_confidence();
   if (!filter_) return confidence;
   const Eigen::Index f = filter_->flight->n();
   confidence.has_filter = true;
@@ -634,7 +633,7 @@ Confidence TrackingEstimator::no_confidence() const {
 }
 
 void TrackingEstimator::note(const TrackingState& state, Confidence& confidence) const {
-  base_.note(state.base, confidence);
+  replica_.note(state.replica, confidence);
   if (!filter_) return;
   confidence.from_filter = shows_filter(state);
   confidence.filter = {};

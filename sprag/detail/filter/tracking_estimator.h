@@ -35,8 +35,8 @@
 #include "sprag/detail/filter/scene_filter.h"
 #include "sprag/detail/filter/track.h"
 #include "sprag/detail/identification/task.h"
-#include "sprag/detail/replica/any_replica.h"
 #include "sprag/prediction.h"
+#include "sprag/replica.h"
 
 namespace sprag {
 
@@ -89,7 +89,7 @@ struct Track {
 struct TrackingState {
   std::int64_t tick = 0;  ///< number of the present tick
   ContactSet chi = 0;     ///< contacts closed by the events so far
-  AnyReplica::State base;
+  ReplicaState replica;
   EventWindow window;
   BeliefRef belief;  ///< empty before the first accepted identification
   /// Beliefs before the last events, latest first, for ticks that may precede several of them.
@@ -109,24 +109,23 @@ class TrackingEstimator {
   using State = TrackingState;
 
   /// \param h        interval of the ticks, > 0 [s]
-  /// \param stepper  integration of a plain replica
   /// \throws ModelError             also if parameters are uncertain and the damping is not modal
   /// \throws std::invalid_argument  for an unknown key in scene.prior.adaptation
   TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
-                    StepperKind stepper = StepperKind::exact, TrackThresholds thresholds = {});
+                    TrackThresholds thresholds = {});
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state);
   void tick(std::span<const ContactEvent> events, TrackingState& state);
   /// As Replica::coast(), at most up to the next check for an overdue event.
   std::int64_t coast(std::int64_t n, TrackingState& state);
-  bool coasts() const { return !identifies() && base_.coasts(); }
+  bool coasts() const { return !identifies(); }
   void apply(std::span<const ContactEvent> events, TrackingState& state);
   void output(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
               Eigen::Ref<Eigen::VectorXd> u);
   Confidence no_confidence() const;
   void note(const TrackingState& state, Confidence& confidence) const;
   void confidence(const TrackingState& state, Confidence& confidence);
-  double h() const { return base_.h(); }
+  double h() const { return replica_.h(); }
 
   /// SceneFilter::belief() at the present tick. The track must not be lost. Allocates.
   Eigen::MatrixXd belief(const TrackingState& state, Belief& belief);
@@ -134,9 +133,10 @@ class TrackingEstimator {
   /// nothing for `adaptive`. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const TrackingState& state, const Predictor& predictor, double ahead);
 
-  /// As AnyReplica::record_in(). While the track is confirmed, times, velocities and impulses are
-  /// the filter's; forces too if no parameter is uncertain.
-  bool record_in(std::vector<ImpactRecord>& records);
+  /// Appends a record of each event from now on to `records`, which must outlive this. Only one
+  /// state may be moved then, and never back; moving it allocates. While the track is confirmed,
+  /// times, velocities and impulses are the filter's; forces too if no parameter is uncertain.
+  void record_in(std::vector<ImpactRecord>& records);
 
   /// Input of the filter between two resets.
   struct FilterRun {
@@ -165,16 +165,14 @@ class TrackingEstimator {
   /// may be ahead of another state to continue from.
   static constexpr std::int64_t most_events = 1024;
 
-  /// As AnyEstimator's. False for `adaptive`, whose machine may differ from the scene's.
-  bool has_replica() const {
-    return !identifies() && kind_ != EstimatorKind::timing && base_.is_exact();
-  }
+  /// Whether the estimates rest on a replica of the scene's machine.
+  bool has_replica() const { return !identifies() && kind_ != EstimatorKind::timing; }
+  /// The replica's estimate at the present tick.
   void replica(const TrackingState& state, Eigen::Ref<Eigen::VectorXd> q,
                Eigen::Ref<Eigen::VectorXd> u) const {
-    AnyReplica::exact_output(state.base, q, u);
+    replica_.output(state.replica, q, u);
   }
-  Flows* flows() { return base_.flows(); }
-  const char* flow_path() { return base_.flow_path(); }
+  Flows& flows() { return replica_.flows(); }
 
  private:
   struct ReportedEvent {
@@ -225,7 +223,7 @@ class TrackingEstimator {
   bool add_belief(const FilterBelief& of, TrackingState& state) const;
   static const FilterBelief& belief_at(double t, const TrackingState& state);
 
-  AnyReplica base_;
+  Replica replica_;
   EstimatorKind kind_;
   TrackThresholds thresholds_;
   bool identifies_ = false;
@@ -234,6 +232,7 @@ class TrackingEstimator {
   // as many again of states that run ahead.
   std::vector<ReportedEvent> received_;
   const AdaptationResult* result_ = nullptr;
+  std::unique_ptr<ImpactRecorder> recorder_;  // of the replica; null: nothing is recorded
   std::vector<ImpactRecord>* records_ = nullptr;
   std::vector<ImpactRecord> with_forces_;   // records of the filter, with contact forces
   std::unique_ptr<ImpactRecorder> forces_;  // null without records, or with uncertain parameters
