@@ -9,10 +9,10 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
-#include "sprag/detail/replica/moreau.h"
 #include "sprag/master.h"
 #include "sprag/replica.h"
 #include "sprag/scene_file.h"
+#include "studies/convergence/moreau_replica.h"
 #include "studies/convergence/study.h"
 
 namespace {

@@ -4,12 +4,12 @@
 #include "sprag/detail/analysis/quantile.h"
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/filter/tracking_estimator.h"
-#include "sprag/detail/replica/moreau.h"
 #include "sprag/energy.h"
 #include "sprag/master.h"
 #include "sprag/replica.h"
 #include "sprag/scene_file.h"
 #include "studies/common/disturbance.h"
+#include "studies/convergence/moreau_replica.h"
 #include "studies/convergence/study.h"
 
 namespace sprag::studies {

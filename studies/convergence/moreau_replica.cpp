@@ -1,4 +1,4 @@
-#include "sprag/detail/replica/moreau.h"
+#include "studies/convergence/moreau_replica.h"
 
 #include <array>
 #include <bit>
