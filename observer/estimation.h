@@ -62,7 +62,7 @@ struct Estimation {
   double
       initial_bound;  ///< B(0); infinite for `adaptive`, whose machine may differ from the scene's
   TrackingEstimator estimator;
-  TimeLine<TrackingEstimator> time_line;
+  TimeLine time_line;
   std::unique_ptr<InputStream> stream;   ///< null: the excitation is not streamed
   std::unique_ptr<Guarantee> guarantee;  ///< null if no bound holds
 };

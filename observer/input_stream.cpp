@@ -22,8 +22,7 @@ void widen_all(double by, const Eigen::VectorXd& push, Eigen::VectorXd& sigma) {
 StreamedScene::StreamedScene(const Scene& of)
     : scene(of.stream_duration > 0.0 ? with_stream(of, input) : of) {}
 
-InputStream::InputStream(const StreamedScene& of, Flows& flows,
-                         TimeLine<TrackingEstimator>& time_line)
+InputStream::InputStream(const StreamedScene& of, Flows& flows, TimeLine& time_line)
     : of_(of), flows_(flows), time_line_(time_line), history_(*of_.input) {
   const Model& model = of_.scene.model;
   Eigen::VectorXd acceleration = Eigen::VectorXd::Zero(model.coordinates());

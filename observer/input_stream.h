@@ -30,7 +30,7 @@ struct StreamedScene {
 class InputStream {
  public:
   /// `flows` are those of all estimators of the time line. All must outlive this.
-  InputStream(const StreamedScene& of, Flows& flows, TimeLine<TrackingEstimator>& time_line);
+  InputStream(const StreamedScene& of, Flows& flows, TimeLine& time_line);
 
   /// Forgets all samples: another session begins. To be called before the time line restarts.
   void restart();
@@ -58,7 +58,7 @@ class InputStream {
  private:
   StreamedScene of_;
   Flows& flows_;
-  TimeLine<TrackingEstimator>& time_line_;
+  TimeLine& time_line_;
   InputHistory history_;
   Eigen::VectorXd push_;          // |M^-1 w| of the input's force: acceleration by a = 1, f entries
   Eigen::VectorXd push_gaps_;     // of the gaps, m entries

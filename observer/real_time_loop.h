@@ -79,7 +79,7 @@ class RealTimeLoop {
   void hand_over_status(std::int64_t now);
 
   Estimation& estimation_;
-  TimeLine<TrackingEstimator>& time_line_;
+  TimeLine& time_line_;
   double h_;
   std::int64_t last_;
   Inbox& inbox_;

@@ -243,7 +243,7 @@ class Replay {
 
   ContactClock clock_;
   Estimation estimation_;
-  TimeLine<TrackingEstimator>& time_line_ = estimation_.time_line;
+  TimeLine& time_line_ = estimation_.time_line;
   AdaptationResult identified_;
   SettledOutput settled_;
   EstimateSample sample_;

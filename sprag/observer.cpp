@@ -227,7 +227,7 @@ class Observer::Core {
   int contacts_;
   std::vector<Output> outputs_;
   TrackingEstimator estimator_;
-  TimeLine<TrackingEstimator> time_line_;
+  TimeLine time_line_;
   AdaptationResult identified_;
   Confidence confidence_;
   std::unique_ptr<Guarantee> guarantee_;

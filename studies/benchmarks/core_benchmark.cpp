@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/master.h"
@@ -157,14 +158,14 @@ void replay(benchmark::State& run) {
   Master machine(scene.model, scene.truth.start);
   std::vector<ContactEvent> events;
   machine.advance(at(100.0), events);
-  Replica replica(scene.model, tick);
+  TrackingEstimator replica(scene, tick, EstimatorKind::replica);
   for ([[maybe_unused]] auto _ : run) {
-    TimeLine<Replica> line(replica, 1, scene.prior.start, 1);
+    TimeLine line(replica, 1, scene.prior.start, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events) line.receive(event);
     line.set_horizon(100.0);
     line.run(
-        0, [](const Replica::State&) {}, [](const Replica::State&) { return true; });
+        0, [](const TrackingState&) {}, [](const TrackingState&) { return true; });
     benchmark::DoNotOptimize(line.handed_out());
   }
 }

@@ -12,11 +12,11 @@
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
-#include "sprag/replica.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random_model.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag {
 namespace {
@@ -84,8 +84,8 @@ struct Said {
 class BoundFollower {
  public:
   BoundFollower(const Model& model, const State& replica, double h)
-      : stepper_(model, h),
-        line_(stepper_, static_cast<int>(model.contacts.size()), replica, 40),
+      : replica_(model, h),
+        line_(replica_, static_cast<int>(model.contacts.size()), replica, 40),
         energy_(model),
         state_(replica) {
     scene_.model = model;
@@ -99,15 +99,15 @@ class BoundFollower {
     const double V0 = energy_(master.q, master.u, replica.q, replica.u)[0];
     const Eigen::Index f = replica.q.size();
     scene_.prior.uncertainty = Eigen::VectorXd::Constant(f, V0 / static_cast<double>(f));
-    BoundTracker tracker(scene_, stepper_.flows(), line_.h());
+    BoundTracker tracker(scene_, replica_.flows(), line_.h());
     line_.restart(arriving.front().report);
     for (std::size_t i = 0; i < received; ++i) {
       if (i > 0 && line_.receive(arriving[i].report)) break;
       const std::int64_t now = std::min(last_tick(arriving[i].at, line_.h()),
                                         static_cast<std::int64_t>(run.truth.size()) - 1);
       line_.run(
-          now, [](const ReplicaState&) {},
-          [&](const ReplicaState& state) {
+          now, [](const TrackingState&) {},
+          [&](const TrackingState& state) {
             check(state, run, V0, tracker, said);
             return true;
           });
@@ -120,11 +120,11 @@ class BoundFollower {
   std::int64_t lost() const { return line_.events().counts().lost_records; }
 
  private:
-  void check(const ReplicaState& state, const Run& run, double V0, BoundTracker& tracker,
+  void check(const TrackingState& state, const Run& run, double V0, BoundTracker& tracker,
              Said& said) {
     const double t = tick_instant(state.tick, line_.h()).hi;
     const State& truth = run.truth.at(static_cast<std::size_t>(state.tick));
-    stepper_.output(state, state_.q, state_.u);
+    replica_.output(state, state_.q, state_.u);
     const double V = energy_(truth.q, truth.u, state_.q, state_.u)[0];
     tracker.follow(line_, t);
     const double B = tracker.bound(line_, t, state_.q, state_.u);
@@ -136,8 +136,8 @@ class BoundFollower {
   }
 
   Scene scene_;
-  Replica stepper_;
-  TimeLine<Replica> line_;
+  ReplicaEstimator replica_;
+  TimeLine line_;
   ErrorEnergy energy_;
   State state_;
 };

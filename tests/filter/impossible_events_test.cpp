@@ -95,7 +95,7 @@ std::string not_a_number(E& estimator, const typename E::State& state, Confidenc
 
 template <typename E>
 class ImpossibleEventsTest : public ::testing::Test {};
-using Estimators = ::testing::Types<Replica, TimingEstimator, BothEstimator>;
+using Estimators = ::testing::Types<ReplicaEstimator, TimingEstimator, BothEstimator>;
 TYPED_TEST_SUITE(ImpossibleEventsTest, Estimators);
 
 template <Estimator E>

@@ -378,7 +378,7 @@ TEST(UncertainParametersLive, EqualTheReplayBitForBit) {
   const Drawn drawn = draw(scene, random, 25.0);
   const auto settled = [&](std::int64_t delay) {
     TrackingEstimator estimator(scene, drawn.h, EstimatorKind::both);
-    TimeLine<TrackingEstimator> line(estimator, 2, scene.prior.start, 16);
+    TimeLine line(estimator, 2, scene.prior.start, 16);
     line.restart(0, 0, 0, no_horizon);
     std::vector<double> rows;
     Eigen::VectorXd q(2), u(2);

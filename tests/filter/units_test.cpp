@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/master.h"
 #include "sprag/scene_file.h"

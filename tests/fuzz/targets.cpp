@@ -19,6 +19,7 @@
 #include "sprag/events_file.h"
 #include "sprag/replica.h"
 #include "sprag/scene_file.h"
+#include "tests/support/tracking_estimators.h"
 
 namespace sprag::fuzz {
 namespace {
@@ -122,9 +123,9 @@ Model machine() {
 
 void message(Input input) {
   static const Model model = machine();
-  static Replica replica(model, 1e-2);
+  static ReplicaEstimator replica(model, 1e-2);
   const State start{Eigen::VectorXd::Constant(1, 0.3), Eigen::VectorXd::Zero(1)};
-  TimeLine<Replica> line(replica, 2, start, 16);
+  TimeLine line(replica, 2, start, 16);
   SessionTracker sessions(Freshness::any, 1e-2);
   MasterClock clock;
   Reader reader(input);

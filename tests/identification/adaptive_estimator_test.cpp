@@ -150,7 +150,7 @@ TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
   using Row = std::vector<double>;
   const auto rows_of = [&](std::int64_t delay, std::int64_t history) {
     TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
-    TimeLine<TrackingEstimator> line(estimator, 1, scene.prior.start, history);
+    TimeLine line(estimator, 1, scene.prior.start, history);
     line.restart(0, 0, 0, no_horizon);
     AdaptationTask task;
     AdaptationResult result;

@@ -36,7 +36,7 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
   master.advance(at(lossy.end), events);
 
   E estimator(scene.model, h);
-  TimeLine<E> line(estimator, 1, scene.prior.start, 50);
+  TimeLine line(estimator, 1, scene.prior.start, 50);
   const ErrorEnergy energy(scene.model);
   std::vector<double> V;
   State state = truth.front();
@@ -66,7 +66,7 @@ std::vector<double> error_energy(const Scene& scene, double h, const Lossy& loss
 
 template <typename E>
 class DegradedRunTest : public ::testing::Test {};
-using Estimators = ::testing::Types<Replica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
+using Estimators = ::testing::Types<ReplicaEstimator, ExactBoth, JitteringBoth>;
 TYPED_TEST_SUITE(DegradedRunTest, Estimators);
 
 template <Estimator E>

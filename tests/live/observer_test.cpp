@@ -61,7 +61,7 @@ TEST_P(ObserverTest, EqualsTimeLineWithPromptReports) {
   {
     TrackingEstimator estimator(scene_, tick_length, settings_.estimator);
     const int contacts = static_cast<int>(scene_.model.contacts.size());
-    TimeLine<TrackingEstimator> line(estimator, contacts, scene_.prior.start, 1);
+    TimeLine line(estimator, contacts, scene_.prior.start, 1);
     line.restart(0, 0, 0, no_horizon);
     for (const ContactEvent& event : events_) line.receive(event);
     line.set_horizon(duration);

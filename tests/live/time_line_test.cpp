@@ -56,7 +56,7 @@ class TimeLineTest : public ::testing::Test {
     E estimator;
     Eigen::Index f;
     std::int64_t lead;  ///< ticks
-    TimeLine<E> line;
+    TimeLine line;
     Recording settled;
     std::vector<std::int64_t> seen;
   };
@@ -87,7 +87,7 @@ class TimeLineTest : public ::testing::Test {
   }
 };
 
-using Estimators = ::testing::Types<Replica, ExactBoth, JitteringBoth, IdentifyingAdaptive>;
+using Estimators = ::testing::Types<ReplicaEstimator, ExactBoth, JitteringBoth>;
 TYPED_TEST_SUITE(TimeLineTest, Estimators);
 
 TYPED_TEST(TimeLineTest, EqualsStepperWithAllEventsKnown) {
@@ -98,7 +98,7 @@ TYPED_TEST(TimeLineTest, EqualsStepperWithAllEventsKnown) {
     ASSERT_GT(events.size(), 10U);
     for (const double h : {1e-2, 1e-3, 1.0 / 128}) {
       TypeParam estimator(scene.model, h);
-      TimeLine<TypeParam> line(estimator, 1, scene.prior.start, 1);
+      TimeLine line(estimator, 1, scene.prior.start, 1);
       line.restart(0, 0, 0, no_horizon);
       for (const ContactEvent& event : events) line.receive(event);
       line.set_horizon(end);
@@ -244,15 +244,15 @@ TEST(TimeLine, SuccessiveImpactsAreNotMerged) {
   const State& start = cached_scene("paper_beam.toml").prior.start;
   const std::vector<ContactEvent> once{{0.3, 0, pulse}, {0.3, 1, pulse}};
   const std::vector<ContactEvent> twice{{0.3, 0, pulse}, {std::nextafter(0.3, 1.0), 1, pulse}};
-  EXPECT_NE(difference(offline<Replica>(two_contacts(), start, 0.25, once, 1.0),
-                       offline<Replica>(two_contacts(), start, 0.25, twice, 1.0)),
+  EXPECT_NE(difference(offline<ReplicaEstimator>(two_contacts(), start, 0.25, once, 1.0),
+                       offline<ReplicaEstimator>(two_contacts(), start, 0.25, twice, 1.0)),
             "");
 }
 
 // Skipped ticks lose nothing: neither motion nor notes of note(). The machine has sustained
 // contacts, pulses and chatter.
 TEST(TimeLine, SkippedTicksDoNotChangeMotionOrNotes) {
-  const auto said = [](const Replica& replica, const ReplicaState& state) {
+  const auto said = [](const ReplicaEstimator& replica, const TrackingState& state) {
     Confidence confidence;
     replica.note(state, confidence);
     return std::tuple(confidence.replica.t, confidence.replica.gap, confidence.redundancy.closings,
@@ -265,11 +265,12 @@ TEST(TimeLine, SkippedTicksDoNotChangeMotionOrNotes) {
     const double h = seed % 2 == 0 ? 1e-2 : 1.0 / 64;
     const auto events = random_events(random, 2, 200, 0.0, h * random.log_uniform(0.3, 100.0));
     const double end = events.back().t + 0.5;
-    const Recording expected = offline<Replica>(two_contacts(), scene.prior.start, h, events, end);
+    const Recording expected =
+        offline<ReplicaEstimator>(two_contacts(), scene.prior.start, h, events, end);
 
-    Replica replica(two_contacts(), h);
-    ReplicaState last_shown;
-    TimeLine<Replica> line(replica, 2, scene.prior.start, 5);
+    ReplicaEstimator replica(two_contacts(), h);
+    TrackingState last_shown;
+    TimeLine line(replica, 2, scene.prior.start, 5);
     line.restart(0, 0, 0, no_horizon);
     std::int64_t shown = 0, coasted = 0;
     std::size_t next = 0;
@@ -293,7 +294,7 @@ TEST(TimeLine, SkippedTicksDoNotChangeMotionOrNotes) {
         }
         arrived = line.run(
             0, ignore,
-            [&](const ReplicaState& state) {
+            [&](const TrackingState& state) {
               ++shown;
               last_shown = state;
               Recording present;

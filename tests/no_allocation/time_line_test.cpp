@@ -24,7 +24,7 @@ namespace {
 
 template <typename E>
 class TimeLineRun : public testing::Test {};
-using Estimators = testing::Types<Replica, BothEstimator>;
+using Estimators = testing::Types<ReplicaEstimator, BothEstimator>;
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// The received messages: a report every 10 ms and at every event, encoded.
@@ -57,7 +57,7 @@ void expect_no_allocation(const Scene& scene) {
   const std::vector<ContactEvent> events = master_events(scene, end);
   const std::vector<std::vector<std::uint8_t>> messages = messages_of(events, 1, end);
   E estimator(scene, h);
-  TimeLine<E> line(estimator, 1, scene.prior.start, 100);
+  TimeLine line(estimator, 1, scene.prior.start, 100);
   SessionTracker sessions;
   EstimateSample empty;
   empty.q.setZero(scene.model.coordinates());
@@ -146,7 +146,7 @@ TYPED_TEST(TimeLineRun, ForgettingAndGapsDoNotAllocate) {
   for (double t = 0.0; t < end; t += 0.05) times.push_back(t);
   const std::vector<ContactMessage> reports = reports_at(times, events, 2);
   TypeParam estimator(scene, h);
-  TimeLine<TypeParam> line(estimator, 2, cached_scene("paper_beam.toml").prior.start, 100);
+  TimeLine line(estimator, 2, cached_scene("paper_beam.toml").prior.start, 100);
   line.restart(reports.front());
 
   std::int64_t settled = 0;

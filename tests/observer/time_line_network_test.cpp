@@ -48,9 +48,9 @@ template <typename E>
 class LateResults {
  public:
   explicit LateResults(E&) {}
-  void want(const typename E::State&, E&, TimeLine<E>&) {}
-  void put(E&, TimeLine<E>&) {}
-  void put_when_due(Random&, E&, TimeLine<E>&) {}
+  void want(const typename E::State&, E&, TimeLine&) {}
+  void put(E&, TimeLine&) {}
+  void put_when_due(Random&, E&, TimeLine&) {}
   bool used() const { return true; }
 };
 
@@ -58,21 +58,19 @@ template <>
 class LateResults<IdentifyingAdaptive> {
  public:
   explicit LateResults(IdentifyingAdaptive& estimator) { estimator.identifies = false; }
-  void want(const TrackingState& state, IdentifyingAdaptive& estimator,
-            TimeLine<IdentifyingAdaptive>& line) {
+  void want(const TrackingState& state, IdentifyingAdaptive& estimator, TimeLine& line) {
     used_ = used_ || state.track.status == TrackStatus::confirmed;
     if (!estimator.waits(state)) return;
     estimator.wanted(state, task_);
     line.hold(state.tick);
   }
-  void put(IdentifyingAdaptive& estimator, TimeLine<IdentifyingAdaptive>& line) {
+  void put(IdentifyingAdaptive& estimator, TimeLine& line) {
     if (!line.held()) return;
     result_ = sprag::run(task_, *estimator.family());
     estimator.put(result_);
     line.release();
   }
-  void put_when_due(Random& random, IdentifyingAdaptive& estimator,
-                    TimeLine<IdentifyingAdaptive>& line) {
+  void put_when_due(Random& random, IdentifyingAdaptive& estimator, TimeLine& line) {
     if (line.held() && random.chance(0.01)) put(estimator, line);
   }
   /// Whether a filter has used a result.
@@ -103,7 +101,7 @@ class NetworkTest : public ::testing::Test {
     const Plan plan{random.uniform(0.0, 0.6), random.uniform(0.0, 1.0), 0.25, 0.2};
 
     E estimator(scene.model, h);
-    TimeLine<E> line(estimator, 1, scene.prior.start, history);
+    TimeLine line(estimator, 1, scene.prior.start, history);
     LateResults<E> results(estimator);
     SessionTracker tracker;
     Recording settled;
@@ -178,7 +176,7 @@ class NetworkTest : public ::testing::Test {
   Figures figures_;
 };
 
-using Estimators = ::testing::Types<Replica, ExactBoth, JitteringBoth>;
+using Estimators = ::testing::Types<ReplicaEstimator, ExactBoth, JitteringBoth>;
 TYPED_TEST_SUITE(NetworkTest, Estimators);
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {

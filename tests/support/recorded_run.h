@@ -13,6 +13,7 @@
 #include <string_view>
 #include <vector>
 
+#include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/instant.h"
@@ -95,7 +96,7 @@ Recording offline(const Model& model, const State& start, double h,
 template <Estimator E, typename OnSettled>
 void run_time_line(E& estimator, const Scene& scene, std::span<const ContactEvent> events,
                    double end, bool late, const OnSettled& on_settled) {
-  TimeLine<E> line(estimator, static_cast<int>(scene.model.contacts.size()), scene.prior.start, 30);
+  TimeLine line(estimator, static_cast<int>(scene.model.contacts.size()), scene.prior.start, 30);
   line.restart(0, 0, 0, no_horizon);
   Random random(3);
   const auto settle = [&](std::int64_t target) {

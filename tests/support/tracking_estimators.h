@@ -6,6 +6,23 @@
 
 namespace sprag {
 
+/// A scene with a model only.
+inline Scene scene_of(const Model& model) {
+  Scene scene;
+  scene.model = model;
+  scene.prior.start.q = scene.prior.start.u = Eigen::VectorXd::Zero(model.coordinates());
+  scene.truth.start = scene.prior.start;
+  scene.truth.given = false;
+  return scene;
+}
+
+class ReplicaEstimator : public TrackingEstimator {
+ public:
+  ReplicaEstimator(const Scene& scene, double h)
+      : TrackingEstimator(scene, h, EstimatorKind::replica) {}
+  ReplicaEstimator(const Model& model, double h) : ReplicaEstimator(scene_of(model), h) {}
+};
+
 class BothEstimator : public TrackingEstimator {
  public:
   BothEstimator(const Scene& scene, double h) : TrackingEstimator(scene, h, EstimatorKind::both) {}
@@ -16,16 +33,6 @@ class TimingEstimator : public TrackingEstimator {
   TimingEstimator(const Scene& scene, double h)
       : TrackingEstimator(scene, h, EstimatorKind::timing) {}
 };
-
-/// A scene with a model only.
-inline Scene scene_of(const Model& model) {
-  Scene scene;
-  scene.model = model;
-  scene.prior.start.q = scene.prior.start.u = Eigen::VectorXd::Zero(model.coordinates());
-  scene.truth.start = scene.prior.start;
-  scene.truth.given = false;
-  return scene;
-}
 
 /// Event times have a jitter of a millisecond.
 class JitteringBoth : public TrackingEstimator {

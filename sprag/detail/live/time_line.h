@@ -13,8 +13,8 @@
 #include <span>
 #include <vector>
 
-#include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/events/event_history.h"
+#include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/histogram.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/model.h"
@@ -28,111 +28,44 @@ struct RollbackCounts {
   Histogram depth;                  ///< ticks redone by each rollback
 };
 
-template <Estimator E>
 class TimeLine {
  public:
-  using EstimatorState = typename E::State;
-
   /// Keeps the states of at least `history` ticks (>= 1) for rollbacks.
-  TimeLine(E& estimator, int contacts, const State& start, std::int64_t history)
-      : estimator_(&estimator),
-        start_(start),
-        history_(history),
-        events_(contacts, event_capacity) {
-    saved_.resize(static_cast<std::size_t>(history) + 2);
-    estimator.start(start, 0, 0, frontier_);
-    for (EstimatorState& state : saved_) state = frontier_;
-  }
+  TimeLine(TrackingEstimator& estimator, int contacts, const State& start, std::int64_t history);
 
   /// Starts at tick k; earlier events have no effect.
-  void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon) {
-    events_.restart(next_record, chi, horizon);
-    first_ = now_ = k;
-    ++starts_;
-    chi_ = chi;
-    hold_ = no_hold;
-    consumed_ = 0;
-    handed_out_ = reached_ = k - 1;
-    started_ = true;
-    frontier_tick_ = no_tick;
-    next_t_ = -1.0;
-    start_again();
-  }
+  void restart(std::int64_t k, std::int64_t next_record, ContactSet chi, double horizon);
 
   /// Starts from the first message of a session: at t = 0 if the message still has every event
   /// since then and its horizon is not far, else at the first tick after its horizon. A machine's
   /// clock may start at any time.
-  void restart(const ContactMessage& message) {
-    const bool whole = message.records_total == message.records;
-    if (whole && last_tick(message.horizon, h()) <= far) {
-      restart(0, 0, 0, no_horizon);
-      receive(message);
-    } else {
-      restart_after(message);
-    }
-  }
+  void restart(const ContactMessage& message);
 
   /// Starts at the first tick after the message's horizon.
-  void restart_after(const ContactMessage& message) {
-    restart(last_tick(message.horizon, h()) + 1, message.records_total, message.closed,
-            message.horizon);
-  }
+  void restart_after(const ContactMessage& message);
 
   /// Takes the new records of a message, and rolls back if they are older than now; run()
   /// integrates again. After a long gap with lost records it restarts at the first tick after the
   /// message's horizon and returns true.
-  bool receive(const ContactMessage& message) {
-    const bool gap = message.records_total - message.records > events_.next_record();
-    if (gap && is_far(message.horizon)) {
-      events_.lose(message);
-      restart_after(message);
-      return true;
-    }
-    const std::size_t known = events_.events().size();
-    if (events_.add(message) > 0) go_back(known);
-    return false;
-  }
+  bool receive(const ContactMessage& message);
 
   /// The same after a jump of the machine's clock or counts: also restarts if the message does not
   /// continue the earlier ones or is far ahead of them.
-  bool resume(const ContactMessage& message) {
-    if (message.horizon >= events_.horizon() && !is_far(message.horizon) &&
-        message.records_total >= events_.next_record()) {
-      return receive(message);
-    }
-    events_.lose(message);
-    restart_after(message);
-    return true;
-  }
+  bool resume(const ContactMessage& message);
 
   /// Takes one event from a file.
-  void receive(const ContactEvent& event) {
-    const std::size_t known = events_.events().size();
-    if (events_.add(event)) go_back(known);
-  }
+  void receive(const ContactEvent& event);
 
   /// The streamed input is known before t; -1: no sample is known. Ticks settle before t only.
   /// Ticks from `from` on [s] were computed without it, and are computed again.
-  void receive_input(double from, double t) {
-    input_horizon_ = t;
-    if (!started_) return;
-    const std::int64_t last = from > 0.0 ? first_tick_after(from, h()) - 1 : -1;
-    if (last < first_) {
-      start_again();
-    } else if (std::max(last, handed_out_) < now_) {
-      redo_after(std::max(last, handed_out_));
-    }
-  }
+  void receive_input(double from, double t);
 
   /// Every event up to t is known.
   void set_horizon(double t) { events_.set_horizon(t); }
 
   /// Ticks settle when every event up to `lag` [s] after them is known. Once every event up to tick
   /// `last` is known, the lag no longer applies: no later tick is requested.
-  void set_lag(double lag, std::int64_t last = max_tick) {
-    lag_ = lag;
-    last_asked_ = last;
-  }
+  void set_lag(double lag, std::int64_t last = max_tick);
 
   /// Events may be missing between these times.
   void degrade(double from, double to) { events_.degrade(from, to); }
@@ -143,17 +76,10 @@ class TimeLine {
   void hold(std::int64_t k) { hold_ = k; }
   bool held() const { return hold_ != no_hold; }
   /// Ends hold(). The ticks after the last returned one are computed again.
-  void release() {
-    hold_ = no_hold;
-    go_back_to(handed_out_);
-  }
+  void release();
 
   /// Rolls back to tick k, or to the last returned tick if that is later. Changes no estimate.
-  void go_back_to(std::int64_t k) {
-    k = std::max({k, handed_out_, first_});
-    if (k < oldest_ && frontier_tick_ != handed_out_) k = oldest_;
-    if (started_ && k < now_) redo_after(k);
-  }
+  void go_back_to(std::int64_t k);
 
   /// Runs to tick `target`, or to the horizon if that is later, by at most `budget` ticks. Returns
   /// whether it arrived. Calls on_tick(state) for every tick reached for the first time and
@@ -194,10 +120,7 @@ class TimeLine {
   /// Skips ticks of free flight before the next event, up to tick `last`, for callers that use only
   /// note() of settled ticks. The skipped ticks count as returned. Requires that all ticks up to
   /// now have been returned. Returns the number of skipped ticks, at most most_coasted.
-  std::int64_t coast(std::int64_t last) requires requires(E e, EstimatorState& state) {
-    e.coast(std::int64_t{}, state);
-  }
-  {
+  std::int64_t coast(std::int64_t last) {
     if (!started_ || handed_out_ != now_) return 0;
     last = std::min({last, settled_tick(), next_event_tick() - 1});
     if (last <= now_) return 0;
@@ -215,7 +138,7 @@ class TimeLine {
   std::int64_t first_tick() const { return first_; }
   ContactSet first_closed() const { return chi_; }
   /// The state at tick now().
-  const EstimatorState& present() const { return saved(now_); }
+  const TrackingState& present() const { return saved(now_); }
   /// First tick that contains all known events.
   std::int64_t tick_of_last_event() const {
     return events_.events().empty() ? first_ : tick_of(events_.events().back());
@@ -254,8 +177,8 @@ class TimeLine {
   }
   bool is_far(double horizon) const { return last_tick(horizon, h()) - received_tick() > far; }
 
-  EstimatorState& saved(std::int64_t k) { return saved_[slot(k)]; }
-  const EstimatorState& saved(std::int64_t k) const { return saved_[slot(k)]; }
+  TrackingState& saved(std::int64_t k) { return saved_[slot(k)]; }
+  const TrackingState& saved(std::int64_t k) const { return saved_[slot(k)]; }
   std::size_t slot(std::int64_t k) const {
     const std::size_t slot = oldest_slot_ + static_cast<std::size_t>(k - oldest_);
     return slot < saved_.size() ? slot : slot - saved_.size();
@@ -288,31 +211,9 @@ class TimeLine {
     return events;
   }
 
-  void start_again() {
-    now_ = oldest_ = first_;
-    EstimatorState& state = saved(first_);
-    estimator_->start(start_, first_, chi_, state);
-    consumed_ = 0;
-    for_each_instant(events_of(first_), [&](std::span<const ContactEvent> of_one) {
-      estimator_->apply(of_one, state);
-    });
-  }
+  void start_again();
 
-  void step() {
-    if (now_ + 1 - oldest_ == static_cast<std::int64_t>(saved_.size())) {
-      if (oldest_ == handed_out_) {
-        frontier_ = saved(oldest_);
-        frontier_tick_ = handed_out_;
-      }
-      oldest_slot_ = slot(oldest_ + 1);
-      ++oldest_;
-    }
-    const EstimatorState& from = saved(now_);
-    EstimatorState& to = saved(now_ + 1);
-    to = from;
-    ++now_;
-    estimator_->tick(events_of(now_), to);
-  }
+  void step();
 
   // Step without saving the present tick, to which no rollback will go.
   void step_in_place() {
@@ -322,56 +223,23 @@ class TimeLine {
   }
 
   // Rolls back to the last tick before the event with the index `first_new`.
-  void go_back(std::size_t first_new) {
-    const std::int64_t tick = tick_of(events_.events()[first_new]);
-    if (tick > now_) return;
-    ++rollbacks_.rollbacks;
-    rollbacks_.depth.add(now_ - tick + 1);
-    const std::int64_t present = now_;
-    if (tick == first_) {
-      if (oldest_ > first_) ++rollbacks_.beyond_history;
-      start_again();
-    } else {
-      if (oldest_ > tick - 1) ++rollbacks_.beyond_history;
-      redo_after(tick - 1);
-    }
-    rollbacks_.ticks_redone += present - now_;
-  }
+  void go_back(std::size_t first_new);
 
   // Makes the state at tick k >= handed_out_ the present one, or an earlier state if that is not
   // kept.
-  void redo_after(std::int64_t k) {
-    if (k >= oldest_) {
-      now_ = k;
-    } else if (handed_out_ < first_) {
-      start_again();
-      return;
-    } else {
-      now_ = oldest_ = handed_out_;
-      saved(now_) = frontier_;
-    }
-    const auto& all = events_.events();
-    while (consumed_ > 0 && tick_of(all[consumed_ - 1]) > now_) --consumed_;
-  }
+  void redo_after(std::int64_t k);
 
   // Drops events of returned ticks, except those of the first tick, which start_again() needs.
-  void forget() {
-    if (consumed_ < event_capacity / 2 || handed_out_ <= first_) return;
-    const auto& all = events_.events();
-    std::size_t n = 0;
-    while (n < consumed_ && tick_of(all[n]) <= handed_out_) ++n;
-    events_.drop(n);
-    consumed_ -= n;
-  }
+  void forget();
 
-  E* estimator_;
+  TrackingEstimator* estimator_;
   State start_;
   std::int64_t history_;
   EventHistory events_;
-  std::vector<EstimatorState> saved_;  // ring, of the ticks from oldest_ to now_
+  std::vector<TrackingState> saved_;  // ring, of the ticks from oldest_ to now_
   std::size_t oldest_slot_ = 0;
   // State at handed_out_ if that is older than oldest_.
-  EstimatorState frontier_;
+  TrackingState frontier_;
   std::int64_t frontier_tick_ = no_tick;
   bool started_ = false;
   std::int64_t starts_ = 0;
