@@ -2,13 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
 namespace {
@@ -19,45 +20,11 @@ void require_in_range(const char* name, double value, bool zero_too) {
                               (zero_too ? ">= 0" : "> 0"));
 }
 
-// The events up to `end` in order of time, without those that contradict the events before them.
-std::vector<ContactEvent> consistent(std::span<const ContactEvent> events, double end) {
-  std::vector<ContactEvent> sorted;
-  for (const ContactEvent& event : events) {
-    if (event.t >= 0.0 && event.t <= end) sorted.push_back(event);
-  }
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [](const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; });
-  ContactSet chi = 0;
-  std::erase_if(sorted, [&](const ContactEvent& event) {
-    if (contains(chi, event.contact) != (event.kind == ContactEventKind::opens)) return true;
-    chi = after(chi, event);
-    return false;
-  });
-  return sorted;
-}
-
-// The state of the estimator at the last tick at or before `end`.
-TrackingEstimator::State state_at(double end, const Scene& scene,
-                                  std::span<const ContactEvent> events,
-                                  TrackingEstimator& estimator) {
-  TrackingEstimator::State state;
-  estimator.start(scene.prior.start, 0, 0, state);
-  std::size_t used = 0;
-  const auto due = [&](std::int64_t k) {
-    const std::size_t first = used;
-    while (used < events.size() && first_tick_after(events[used].t, estimator.h()) <= k) ++used;
-    return events.subspan(first, used - first);
-  };
-  for_each_instant(due(0),
-                   [&](std::span<const ContactEvent> of_one) { estimator.apply(of_one, state); });
-  AdaptationResult identified;
-  const std::int64_t last = last_tick(end, estimator.h());
-  while (state.tick < last) {
-    check_interrupt();
-    identify_now(estimator, state, identified);
-    estimator.tick(due(state.tick + 1), state);
-  }
-  return state;
+std::vector<ContactEvent> up_to(double end, std::span<const ContactEvent> events) {
+  std::vector<ContactEvent> before;
+  std::copy_if(events.begin(), events.end(), std::back_inserter(before),
+               [&](const ContactEvent& event) { return event.t <= end; });
+  return before;
 }
 
 TrackingEstimator estimator_of(const Scene& scene, const ObserverSettings& settings) {
@@ -76,7 +43,8 @@ std::vector<ImpactRecord> impacts(const Scene& scene, std::span<const ContactEve
   std::vector<ImpactRecord> records;
   estimator.record_in(records);
   // One tick more, since the last tick may precede the last events.
-  state_at(duration + settings.tick, scene, consistent(events, duration), estimator);
+  drive(estimator, scene, up_to(duration, events), duration + settings.tick,
+        [](const TrackingState&) {});
   return records;
 }
 
@@ -87,8 +55,12 @@ Prediction predict(const Scene& scene, std::span<const ContactEvent> events, dou
   require_in_range("ahead", ahead, false);
   TrackingEstimator estimator = estimator_of(scene, settings);
   const Predictor predictor(scene.model);
-  const TrackingEstimator::State state = state_at(t, scene, consistent(events, t), estimator);
-  return estimator.predict(state, predictor, ahead);
+  const std::int64_t last = last_tick(t, settings.tick);
+  Prediction prediction;
+  drive(estimator, scene, up_to(t, events), t, [&](const TrackingState& state) {
+    if (state.tick == last) prediction = estimator.predict(state, predictor, ahead);
+  });
+  return prediction;
 }
 
 }  // namespace sprag

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
@@ -166,42 +167,16 @@ const FilterBelief& at(const Chain& chain, double t) {
   return chain.beliefs[static_cast<std::size_t>(later - chain.begins.begin()) - 1];
 }
 
-// Moves an estimator through the ticks of a recorded run.
-struct RecordedRun {
-  const Scene& scene;
-  std::span<const ContactEvent> events;
-  double h;              // step in s
-  std::size_t next = 0;  // first event that no tick has taken
-
-  std::span<const ContactEvent> events_at(std::int64_t k) {
-    const std::size_t first = next;
-    while (next < events.size() && first_tick_after(events[next].t, h) <= k) ++next;
-    return events.subspan(first, next - first);
-  }
-
-  void advance(TrackingEstimator& estimator, std::int64_t k, TrackingState& state) {
-    check_interrupt();
-    if (k == 0) {
-      estimator.start(scene.prior.start, 0, 0, state);
-      estimator.apply(events_at(0), state);
-    } else {
-      estimator.tick(events_at(k), state);
-    }
-  }
-};
-
 // Runs the estimator forward and smooths each of its filter's runs.
-std::vector<Chain> chains_of(TrackingEstimator& estimator, RecordedRun recorded,
-                             std::int64_t last) {
+std::vector<Chain> chains_of(TrackingEstimator& estimator, const Scene& scene,
+                             std::span<const ContactEvent> events, double end) {
   std::vector<TrackingEstimator::FilterRun> runs;
   estimator.record_runs(&runs);
   std::vector<bool> confirmed;  // per run: the track was confirmed
-  TrackingState state;
-  for (std::int64_t k = 0; k <= last; ++k) {
-    recorded.advance(estimator, k, state);
+  drive(estimator, scene, events, end, [&](const TrackingState& state) {
     confirmed.resize(runs.size(), false);
     if (state.track.status == TrackStatus::confirmed && !runs.empty()) confirmed.back() = true;
-  }
+  });
   std::vector<Chain> chains;
   for (std::size_t i = 0; i < runs.size(); ++i) {
     check_interrupt();
@@ -234,21 +209,19 @@ std::vector<SmoothedStretch> smooth(
   Scene scene = given;
   scene.prior.parameters.consider.assign(scene.prior.parameters.consider.size(), false);
   const auto f = scene.model.coordinates();
-  RecordedRun recorded{scene, events, h};
+  const double end = tick_instant(last, h).hi;
   TrackingEstimator forward_pass(scene, h, EstimatorKind::both);
-  const std::vector<Chain> chains = chains_of(forward_pass, recorded, last);
+  const std::vector<Chain> chains = chains_of(forward_pass, scene, events, end);
   // Second forward pass: its estimate applies between chains.
   TrackingEstimator again(scene, h, EstimatorKind::both);
-  TrackingState at_tick;  // state of `again`, which must outlive it
   Confidence confidence = again.no_confidence();
   SmoothedEstimate estimate;
   estimate.q.setZero(f);
   estimate.u.setZero(f);
   std::vector<SmoothedStretch> stretches;
   std::size_t chain = 0;
-  for (std::int64_t k = 0; k <= last; ++k) {
-    recorded.advance(again, k, at_tick);
-    const double t = tick_instant(k, h).hi;
+  drive(again, scene, events, end, [&](const TrackingState& at_tick) {
+    const double t = tick_instant(at_tick.tick, h).hi;
     while (chain + 1 < chains.size() && chains[chain + 1].from <= t) ++chain;
     const bool smooth = at_tick.track.status != TrackStatus::lost && !chains.empty() &&
                         chains[chain].from <= t && chains[chain].fits;
@@ -257,7 +230,7 @@ std::vector<SmoothedStretch> smooth(
       const FilterBelief& belief = at(chains[chain], t);
       again.filter()->publish(t, belief, estimate.q, estimate.u);
       again.filter()->fill_deviations(t, belief, confidence);
-      if (stretches.empty() || stretches.back().to < t - 1.5 * h || k == 0) {
+      if (stretches.empty() || stretches.back().to < t - 1.5 * h || at_tick.tick == 0) {
         stretches.push_back({t, t, 0, chains[chain].misfit});
       }
       stretches.back().to = t;
@@ -269,8 +242,8 @@ std::vector<SmoothedStretch> smooth(
     estimate.sigma_u = confidence.sigma_u;
     estimate.sigma_gap = confidence.sigma_g;
     estimate.sigma_outputs = confidence.sigma_outputs;
-    take(k, estimate, smooth);
-  }
+    take(at_tick.tick, estimate, smooth);
+  });
   for (SmoothedStretch& stretch : stretches) {
     stretch.events = events_between(events, stretch.from, stretch.to);
   }

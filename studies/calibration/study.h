@@ -11,6 +11,7 @@
 #include "sprag/confidence.h"
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/filter/track.h"
+#include "sprag/detail/mechanics/instant.h"
 #include "sprag/scene.h"
 #include "studies/calibration/statistics.h"
 #include "studies/common/disturbance.h"

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <random>
 
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/master.h"
@@ -202,6 +203,22 @@ TEST(ImpactRecord, ReplicaHasNoSigmaAndConvergesToMasterForces) {
   }
   EXPECT_GT(sustained, 0);
   EXPECT_LT(late, 0.1 * early);
+}
+
+// Each event at the start makes the time line start again.
+TEST(ImpactRecord, EventsAtTheStartAreRecordedOnce) {
+  using enum ContactEventKind;
+  const std::vector<ContactEvent> events{{0.0, 0, closes}, {0.0, 1, closes}, {0.5, 0, opens}};
+  const Scene& scene = cached_scene("two_supports_beam.toml");
+  ReplicaEstimator estimator(scene, 0.01);
+  std::vector<ImpactRecord> records;
+  estimator.record_in(records);
+  drive(estimator, scene, events, 1.0, [](const TrackingState&) {});
+  ASSERT_EQ(records.size(), events.size());
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    EXPECT_EQ(records[i].contact, events[i].contact);
+    EXPECT_EQ(records[i].kind, events[i].kind);
+  }
 }
 
 struct ImpactTrial {

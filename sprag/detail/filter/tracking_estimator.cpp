@@ -54,6 +54,8 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   TrackingState fresh;
   std::swap(fresh.replica, state.replica);  // keeps its memory
   replica_.start(start, k, chi, fresh.replica);
+  if (records_ != nullptr) records_->clear();
+  if (runs_ != nullptr) runs_->clear();
   state = std::move(fresh);
   state.tick = k;
   state.chi = chi;
@@ -187,9 +189,8 @@ void TrackingEstimator::end_tick(TrackingState& state) {
 void TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
   recorder_ = std::make_unique<ImpactRecorder>(flows().dynamics(), records, 0.0, false);
   replica_.record_in(recorder_.get());
-  if (!filter_) return;
   records_ = &records;
-  if (filter_->family) return;
+  if (!filter_ || filter_->family) return;
   forces_ =
       std::make_unique<ImpactRecorder>(flows().dynamics(), with_forces_, filter_->sigma, true);
 }

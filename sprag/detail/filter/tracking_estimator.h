@@ -133,9 +133,10 @@ class TrackingEstimator {
   /// nothing for `adaptive`. Allocates. Throws Interrupted (interrupt.h).
   Prediction predict(const TrackingState& state, const Predictor& predictor, double ahead);
 
-  /// Appends a record of each event from now on to `records`, which must outlive this. Only one
-  /// state may be moved then, and never back; moving it allocates. While the track is confirmed,
-  /// times, velocities and impulses are the filter's; forces too if no parameter is uncertain.
+  /// Appends a record of each event to `records`, which must outlive this; start() clears them.
+  /// Only one state may be moved then, and never back; moving it allocates. While the track is
+  /// confirmed, times, velocities and impulses are the filter's; forces too if no parameter is
+  /// uncertain.
   void record_in(std::vector<ImpactRecord>& records);
 
   /// Input of the filter between two resets.
@@ -145,8 +146,8 @@ class TrackingEstimator {
     std::vector<double> sigmas;  ///< of the events' times [s]; large for a bridged missing event
     bool failed = false;         ///< ended by a gate failure before confirmation
   };
-  /// Appends the filter's runs to `runs` from now on. Requires that the estimator advances one
-  /// state only and never rolls back. Recording allocates.
+  /// Appends the filter's runs to `runs`; start() clears them. Requires that the estimator advances
+  /// one state only and never rolls back. Recording allocates.
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
   /// Null if the estimator has no filter.
   SceneFilter* filter() { return filter_.get(); }
