@@ -261,11 +261,8 @@ void RealTimeLoop::on_tick(const State& state) {
 }
 
 bool RealTimeLoop::on_settled(const State& state) {
-  if (follower_ != nullptr && !hand_over_events(state.tick)) return false;
+  if (follower_ != nullptr && !hand_over_events()) return false;
   if (state.tick <= last_ && !send(true, state)) return false;
-  if (follower_ != nullptr) {
-    (void)follower_->put({Settled::Kind::tick, state.tick, sessions_.session(), 0, {}});
-  }
   if (state.tick < last_ && estimation_.estimator.waits(state)) {
     estimation_.estimator.wanted(state, wanted_);
     asked_ = false;
@@ -274,27 +271,32 @@ bool RealTimeLoop::on_settled(const State& state) {
   return true;
 }
 
-// Hands over the events up to a settled tick; false if the queue has no room for all of them yet.
-bool RealTimeLoop::hand_over_events(std::int64_t tick) {
+// Hands over all events and the horizon; false if the queue has no room for all of them yet.
+bool RealTimeLoop::hand_over_events() {
   const EventHistory& history = time_line_.events();
   const auto& all = history.events();
   const auto taken = history.counts().events;
   if (reported_start_ != time_line_.starts()) {
-    if (!follower_->put({Settled::Kind::start,
-                         time_line_.first_tick(),
-                         sessions_.session(),
-                         time_line_.first_closed(),
-                         {}})) {
+    if (!follower_->put({.kind = Settled::Kind::start,
+                         .tick = time_line_.first_tick(),
+                         .session = sessions_.session(),
+                         .chi = time_line_.first_closed()})) {
       return false;
     }
+    reported_horizon_ = no_horizon;
     reported_start_ = time_line_.starts();
     reported_events_ = taken - static_cast<std::int64_t>(all.size());
   }
   for (; reported_events_ < taken; ++reported_events_) {
     const ContactEvent& event =
         all[all.size() - static_cast<std::size_t>(taken - reported_events_)];
-    if (first_tick_after(event.t, h_) > tick) break;
-    if (!follower_->put({Settled::Kind::event, tick, sessions_.session(), 0, event})) return false;
+    if (!follower_->put({.kind = Settled::Kind::event, .event = event})) return false;
+  }
+  if (history.horizon() > reported_horizon_) {
+    if (!follower_->put({.kind = Settled::Kind::horizon, .horizon = history.horizon()})) {
+      return false;
+    }
+    reported_horizon_ = history.horizon();
   }
   return true;
 }

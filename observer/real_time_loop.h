@@ -64,7 +64,7 @@ class RealTimeLoop {
   std::int64_t tick_for_now(std::int64_t now) const;
   void on_tick(const State& state);
   bool on_settled(const State& state);
-  bool hand_over_events(std::int64_t tick);
+  bool hand_over_events();
   void repeat_corrected();
   void identify();
   bool send(bool settled, const State& state);
@@ -105,6 +105,7 @@ class RealTimeLoop {
   SettledFollower* follower_ = nullptr;
   std::int64_t reported_start_ = 0;   // start of the time line that the follower has received
   std::int64_t reported_events_ = 0;  // number of events that the follower has received
+  double reported_horizon_ = -1.0;    // horizon that the follower has received [s]
   IdentificationThread* identification_ = nullptr;
   AdaptationTask wanted_;
   // False: wanted_ waits to be handed to the identification thread. Set to false when a settled

@@ -14,14 +14,14 @@ constexpr std::int64_t longest_wait_for_settled = 100'000'000;  // ns
 }  // namespace
 
 SettledFollower::SettledFollower(const Scene& scene, const ObserverOptions& options, Bus& bus)
-    : start_(scene.prior.start),
-      last_(options.last()),
+    : last_(options.last()),
       estimator_(scene, options.tick, options.estimator),
+      time_line_(estimator_, static_cast<int>(scene.model.contacts.size()), scene.prior.start, 1),
       writer_(writer_of<ImpactsWriter>(options.impacts)),
       ahead_(options.predict),
       predictions_(writer_of<PredictionsWriter>(options.predictions)),
       bus_(bus) {
-  if (writer_) estimator_.record_in(impacts_);
+  estimator_.record_in(impacts_);
   if (ahead_ > 0.0) predictor_.emplace(scene.model);
 }
 
@@ -30,7 +30,7 @@ bool SettledFollower::put(const Settled& item) {
   if (slot == nullptr) return false;
   *slot = item;
   queue_.push();
-  if (item.kind == Settled::Kind::tick) ready_.signal();
+  if (item.kind == Settled::Kind::horizon) ready_.signal();
   return true;
 }
 
@@ -48,9 +48,10 @@ void SettledFollower::stop() {
 
 void SettledFollower::finish() {
   take_all();
-  // The last tick may have been lost because the queue was full.
-  if (!events_.empty()) advance(first_tick_after(events_.back().t, estimator_.h()));
-  write_impacts();
+  // The last horizon may have been lost because the queue was full.
+  if (time_line_.started()) {
+    settle(tick_instant(time_line_.tick_of_last_event(), estimator_.h()).hi);
+  }
 }
 
 void SettledFollower::take_all() {
@@ -63,7 +64,6 @@ void SettledFollower::take_all() {
   } catch (const Interrupted&) {  // a signal during an identification or a prediction
     stop_ = true;
   }
-  write_impacts();
   if (writer_) writer_->flush();
   if (predictions_) predictions_->flush();
 }
@@ -71,49 +71,36 @@ void SettledFollower::take_all() {
 void SettledFollower::take(const Settled& item) {
   switch (item.kind) {
     case Settled::Kind::start:
-      write_impacts();
-      events_.clear();
       session_ = item.session;
-      estimator_.start(start_, item.tick, item.chi, state_);
-      started_ = false;
+      time_line_.restart(item.tick, 0, item.chi, no_horizon);
       prediction_due_ = false;
       break;
     case Settled::Kind::event:
-      events_.push_back(item.event);
+      time_line_.receive(item.event);
       break;
-    case Settled::Kind::tick:
-      advance(item.tick);
+    case Settled::Kind::horizon:
+      settle(item.horizon);
       break;
   }
 }
 
-// Advances to this tick, with the events up to it.
-void SettledFollower::advance(std::int64_t tick) {
-  std::size_t used = 0;
-  const auto due = [&](std::int64_t k) {
-    const std::size_t first = used;
-    while (used < events_.size() && first_tick_after(events_[used].t, estimator_.h()) <= k) ++used;
-    return std::span<const ContactEvent>(events_).subspan(first, used - first);
-  };
-  if (!started_) {
-    started_ = true;
-    for_each_instant(due(state_.tick), [&](std::span<const ContactEvent> of_one) {
-      estimator_.apply(of_one, state_);
-    });
-  }
-  for (std::int64_t k = state_.tick + 1; k <= std::min(tick, last_); ++k) {
-    identify_now(estimator_, state_, identified_);
-    estimator_.tick(due(k), state_);
-  }
-  if (used > 0) prediction_due_ = true;
-  events_.erase(events_.begin(), events_.begin() + static_cast<std::ptrdiff_t>(used));
+void SettledFollower::settle(double horizon) {
+  time_line_.set_horizon(std::min(horizon, tick_instant(last_, estimator_.h()).hi));
+  time_line_.run(
+      0, [](const TrackingState&) {},
+      [this](const TrackingState& state) {
+        if (!impacts_.empty()) prediction_due_ = true;
+        write_impacts();
+        if (state.tick < last_) identify_now(estimator_, state, identified_);
+        return true;
+      });
 }
 
 // Predicts from the last settled state only: a follower that is late must not predict past events.
 void SettledFollower::predict() {
   if (!predictor_ || !prediction_due_) return;
   prediction_due_ = false;
-  const Prediction prediction = estimator_.predict(state_, *predictor_, ahead_);
+  const Prediction prediction = estimator_.predict(time_line_.present(), *predictor_, ahead_);
   if (predictions_) predictions_->write(prediction);
   prediction_t message{};
   fill(message, prediction, session_, wall_clock_us());
@@ -122,6 +109,7 @@ void SettledFollower::predict() {
 
 void SettledFollower::write_impacts() {
   for (const ImpactRecord& record : impacts_) {
+    if (!writer_) break;
     writer_->write(record);
     impact_t message{};
     fill(message, record, session_, wall_clock_us());

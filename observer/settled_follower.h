@@ -1,6 +1,6 @@
-// Computes impacts and predictions of a live observer in a thread of its own. It receives the
-// settled events and follows them with a second estimator, tick by tick like a replay, so its
-// results have the bits of the replay.
+// Computes impacts and predictions of a live observer in a thread of its own, because they allocate
+// and a prediction takes milliseconds. It receives the settled events and follows them with an
+// estimator and a time line of its own, like a replay, so its results have the bits of the replay.
 #pragma once
 
 #include <atomic>
@@ -17,22 +17,24 @@
 #include "sprag/detail/files/impacts_file.h"
 #include "sprag/detail/files/predictions_file.h"
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/time_line.h"
 #include "sprag/scene.h"
 
 namespace sprag {
 
-/// An item from the integrating thread. A start, its events and its ticks come in order.
+/// An item from the integrating thread. A start, its events and its horizons come in order.
 struct Settled {
   enum class Kind : std::int8_t {
-    start,  ///< the time line has started at this tick, with these contacts closed
-    event,
-    tick  ///< all events up to this tick have been handed over
+    start,   ///< the time line has started at this tick, with these contacts closed
+    event,   ///< an event of the time line
+    horizon  ///< every event up to this time has been handed over
   };
-  Kind kind = Kind::tick;
+  Kind kind = Kind::horizon;
   std::int64_t tick = 0;
   std::int64_t session = 0;
   ContactSet chi = 0;
   ContactEvent event{};
+  double horizon = 0.0;  ///< [s]
 };
 
 class SettledFollower {
@@ -57,20 +59,17 @@ class SettledFollower {
  private:
   void take_all();
   void take(const Settled& item);
-  void advance(std::int64_t tick);
+  void settle(double horizon);
   void predict();
   void write_impacts();
 
   static constexpr std::size_t slots = 1U << 14U;
 
-  State start_;
   std::int64_t last_;
   TrackingEstimator estimator_;
+  TimeLine time_line_;
   AdaptationResult identified_;
-  TrackingEstimator::State state_;
-  bool started_ = false;  // the first tick has been estimated; cleared at a start
   std::int64_t session_ = 0;
-  std::vector<ContactEvent> events_;  // later than the present tick
   std::vector<ImpactRecord> impacts_;
   std::optional<ImpactsWriter> writer_;
   std::optional<Predictor> predictor_;  // with --predict
