@@ -19,8 +19,8 @@
 #include "sprag/detail/files/confidence_columns.h"
 #include "sprag/detail/text/printable.h"
 #include "sprag/events_file.h"
-#include "sprag/master.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/files/states_file.h"
 
 namespace sprag {
 namespace {

@@ -12,7 +12,7 @@
 #include "observer/estimate_sample.h"
 #include "sprag/detail/events/event_history.h"
 #include "sprag/model.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 
 namespace sprag {
 

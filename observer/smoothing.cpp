@@ -13,7 +13,7 @@
 #include "recording/recording.h"
 #include "sprag/detail/files/confidence_columns.h"
 #include "sprag/smoother.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 
 namespace sprag {
 namespace {

@@ -9,7 +9,7 @@
 #include <span>
 
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

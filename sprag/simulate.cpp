@@ -7,7 +7,7 @@
 
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 

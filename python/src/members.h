@@ -3,7 +3,7 @@
 
 #include "lcmtypes/messages.h"
 #include "python/src/values.h"
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/beam.h"
 #include "sprag/detail/analysis/diagnosis.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"

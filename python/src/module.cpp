@@ -16,7 +16,7 @@
 #include "python/src/tolerances.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/error.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/model.h"
 #include "sprag/scene_file.h"
 

@@ -20,7 +20,7 @@
 #include "python/src/long_call.h"
 #include "python/src/members.h"
 #include "python/src/settings.h"
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/detail/text/parameters_text.h"
 #include "sprag/detail/text/printable.h"

@@ -14,7 +14,7 @@
 #include "python/src/long_call.h"
 #include "python/src/settings.h"
 #include "python/src/trial.h"
-#include "sprag/certified_floor.h"
+#include "sprag/detail/bound/certified_floor.h"
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"

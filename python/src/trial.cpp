@@ -8,7 +8,7 @@
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/reduction.h"
 
 namespace sprag::python {

@@ -5,7 +5,7 @@
 #include "sprag/detail/identification/path_posterior.h"
 #include "sprag/detail/identification/task.h"
 #include "sprag/identification.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag::adaptation_study {
 

@@ -12,7 +12,7 @@
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/common/random.h"
 

@@ -1,8 +1,8 @@
 #include <memory>
 
 #include "sprag/beam.h"
-#include "sprag/master.h"
-#include "sprag/replica.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/replica/replica.h"
 #include "studies/convergence/study.h"
 
 namespace sprag::studies {

@@ -6,7 +6,7 @@
 #include <numeric>
 
 #include "sprag/detail/mechanics/flows.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag::studies {
 namespace {

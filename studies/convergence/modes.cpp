@@ -5,8 +5,8 @@
 
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
-#include "sprag/replica.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/replica/replica.h"
 #include "studies/convergence/mode_limit.h"
 #include "studies/convergence/study.h"
 

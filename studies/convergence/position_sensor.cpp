@@ -12,7 +12,7 @@
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/event_search.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "studies/common/disturbance.h"
 #include "studies/common/random.h"

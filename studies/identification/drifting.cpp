@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "sprag/detail/estimates/uncertainty.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/common/later.h"
 #include "studies/common/random.h"
 

@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/common/random.h"
 
 namespace sprag::identification_study {

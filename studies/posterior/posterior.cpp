@@ -5,7 +5,7 @@
 
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/common/random.h"
 
 namespace sprag::posterior {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "sprag/beam.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/sampled_input.h"
 #include "studies/common/cpu_time.h"
 

@@ -13,8 +13,8 @@
 #include "sprag/detail/mechanics/event_search.h"
 #include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
-#include "sprag/replica.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/replica/replica.h"
 
 namespace sprag::stability {
 namespace {

@@ -8,7 +8,7 @@
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/support/random_model.h"
 
 namespace sprag::test {

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <iostream>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag::test {

@@ -8,7 +8,7 @@
 #include <iostream>
 #include <vector>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/bound/bound_trial.h"
 #include "tests/support/run.h"
 

@@ -12,7 +12,7 @@
 #include "sprag/detail/bound/flight_contraction.h"
 #include "sprag/detail/bound/impact_remainder.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"

@@ -10,7 +10,7 @@
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/first_order_bound.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/bound/bound_trial.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"

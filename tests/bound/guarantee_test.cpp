@@ -9,7 +9,7 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/observer.h"
 #include "sprag/simulate.h"
 #include "tests/support/random.h"

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "sprag/detail/files/csv.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 
 namespace sprag::test {
 

@@ -5,7 +5,7 @@
 #include <exception>
 #include <vector>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 
 int main(int argc, char** argv) try {

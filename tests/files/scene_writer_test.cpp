@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"

@@ -1,4 +1,4 @@
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 
 #include <gtest/gtest.h>
 

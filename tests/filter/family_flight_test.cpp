@@ -9,7 +9,7 @@
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

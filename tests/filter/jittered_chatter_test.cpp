@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/tracking_estimators.h"
 

@@ -10,7 +10,7 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/rattle.h"
 

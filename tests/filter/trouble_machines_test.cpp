@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/tracking_estimators.h"
 

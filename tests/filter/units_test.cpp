@@ -14,7 +14,7 @@
 
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/mechanics/scale.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"

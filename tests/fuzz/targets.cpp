@@ -17,7 +17,7 @@
 #include "recording/session_tracker.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/events_file.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "sprag/scene_file.h"
 #include "tests/support/tracking_estimators.h"
 

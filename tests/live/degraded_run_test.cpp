@@ -5,7 +5,7 @@
 
 #include "sprag/detail/live/time_line.h"
 #include "sprag/energy.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/tracking_estimators.h"

@@ -9,7 +9,7 @@
 #include <stdexcept>
 
 #include "sprag/detail/live/time_line.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"
 #include "tests/support/tracking_estimators.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <tuple>
 
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/random_events.h"
 #include "tests/support/recorded_run.h"

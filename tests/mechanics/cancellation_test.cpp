@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
-#include "sprag/replica.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"
 

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 

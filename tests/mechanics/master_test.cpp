@@ -1,5 +1,5 @@
 // The master by its properties: closed forms, energy, non-penetration, symmetry.
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

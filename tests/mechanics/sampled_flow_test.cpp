@@ -11,7 +11,7 @@
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/polynomial_response.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "sprag/beam.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/sampled_input.h"
 #include "tests/support/random.h"
 

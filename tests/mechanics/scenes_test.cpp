@@ -8,7 +8,7 @@
 
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

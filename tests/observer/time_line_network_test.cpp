@@ -7,7 +7,7 @@
 
 #include "recording/session_tracker.h"
 #include "sprag/detail/live/time_line.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -7,7 +7,7 @@
 #include <cstdint>
 
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "sprag/scene_file.h"
 
 namespace sprag {

@@ -13,7 +13,7 @@
 
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"

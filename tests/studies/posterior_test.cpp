@@ -9,7 +9,7 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/common/random.h"
 #include "studies/posterior/study.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "sprag/beam.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene.h"
 #include "tests/support/random_model.h"
 #include "tests/support/tracking_estimators.h"

@@ -6,7 +6,7 @@
 
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene.h"
 #include "tests/support/tracking_estimators.h"
 

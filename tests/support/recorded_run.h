@@ -17,7 +17,7 @@
 #include "sprag/detail/events/message_builder.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random.h"
 

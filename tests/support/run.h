@@ -6,7 +6,7 @@
 
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/energy.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 
 namespace sprag::test {

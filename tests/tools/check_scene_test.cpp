@@ -7,7 +7,7 @@
 #include <numbers>
 #include <sstream>
 
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/scene_file.h"
 #include "tests/support/process.h"
 #include "tests/support/temporary_directory.h"

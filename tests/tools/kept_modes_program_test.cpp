@@ -9,7 +9,7 @@
 
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 

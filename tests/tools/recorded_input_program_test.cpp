@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "sprag/scene_file.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 #include "tests/support/program_test.h"
 
 namespace sprag {

@@ -11,7 +11,7 @@
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_messages.h"
 #include "sprag/detail/files/csv.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 #include "tests/support/random.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/scene.h"
 

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"
 #include "sprag/detail/text/parameters_text.h"
 #include "sprag/detail/text/printable.h"

@@ -6,7 +6,7 @@
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
 #include "recording/recorded_events.h"
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/files/scene_writer.h"

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
-#include "sprag/states_file.h"
+#include "sprag/detail/files/states_file.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/sync_logger/report.h"
 #include "tools/sync_logger/sync_file.h"

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/master.h"
-#include "sprag/replica.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/replica/replica.h"
 
 namespace sprag {
 namespace {

@@ -8,7 +8,7 @@
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/half_width.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

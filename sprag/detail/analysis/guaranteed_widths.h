@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "sprag/certified_floor.h"
+#include "sprag/detail/bound/certified_floor.h"
 #include "sprag/scene.h"
 
 namespace sprag {

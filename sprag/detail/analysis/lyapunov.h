@@ -8,7 +8,7 @@
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 

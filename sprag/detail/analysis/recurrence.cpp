@@ -9,7 +9,7 @@
 #include "sprag/contact_event.h"
 #include "sprag/detail/analysis/lyapunov.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -9,7 +9,7 @@
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/error.h"
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 
 namespace sprag {
 namespace {

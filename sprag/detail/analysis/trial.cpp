@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -29,7 +29,7 @@
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 

@@ -6,7 +6,7 @@
 
 #include "sprag/detail/bound/event_cost.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

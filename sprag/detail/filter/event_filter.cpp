@@ -11,7 +11,7 @@
 #include "sprag/detail/filter/track.h"
 #include "sprag/detail/filter/triangularize.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {

@@ -2,7 +2,7 @@
 // located by bounds on the derivatives of the gaps. It has no step and no tolerance.
 #include <exception>
 
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 #include "studies/work_precision/methods/methods.h"
 
 namespace sprag::work_precision {

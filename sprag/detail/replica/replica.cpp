@@ -1,4 +1,4 @@
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 
 #include <algorithm>
 #include <bit>

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/wrapped_text.h"
 
 namespace sprag {

@@ -1,4 +1,4 @@
-#include "sprag/certified_floor.h"
+#include "sprag/detail/bound/certified_floor.h"
 
 #include <algorithm>
 #include <cmath>

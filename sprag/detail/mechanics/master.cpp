@@ -1,4 +1,4 @@
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 #include <algorithm>
 #include <array>

@@ -1,4 +1,4 @@
-#include "sprag/assessment.h"
+#include "sprag/detail/analysis/assessment.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/master.h"
+#include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
 namespace {
