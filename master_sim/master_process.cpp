@@ -17,10 +17,10 @@
 #include "lcmtypes/wall_clock.h"
 #include "master_sim/record_sender.h"
 #include "sprag/detail/files/confidence_columns.h"
-#include "sprag/detail/text/printable.h"
-#include "sprag/events_file.h"
-#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/text/printable.h"
 
 namespace sprag {
 namespace {

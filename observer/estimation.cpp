@@ -6,6 +6,7 @@
 #include <string>
 
 #include "command_line/program.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/replica/penetration.h"
 #include "sprag/detail/text/printable.h"

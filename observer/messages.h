@@ -7,8 +7,8 @@
 #include "lcmtypes/messages.h"
 #include "observer/estimate_sample.h"
 #include "sprag/detail/estimates/impact_record.h"
+#include "sprag/detail/estimates/predictor.h"
 #include "sprag/model.h"
-#include "sprag/prediction.h"
 
 namespace sprag {
 

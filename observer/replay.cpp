@@ -20,10 +20,10 @@
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
 #include "recording/session_tracker.h"
+#include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/files/impacts_file.h"
 #include "sprag/detail/files/predictions_file.h"
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/events_file.h"
 
 namespace sprag {
 namespace {

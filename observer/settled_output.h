@@ -11,8 +11,8 @@
 #include "observer/confidence_record.h"
 #include "observer/estimate_sample.h"
 #include "sprag/detail/events/event_history.h"
-#include "sprag/model.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/model.h"
 
 namespace sprag {
 

@@ -12,8 +12,8 @@
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
 #include "sprag/detail/files/confidence_columns.h"
-#include "sprag/smoother.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/smoother.h"
 
 namespace sprag {
 namespace {

@@ -8,7 +8,7 @@
 #include "recording/recording.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/event_history.h"
-#include "sprag/events_file.h"
+#include "sprag/detail/files/events_writer.h"
 
 namespace sprag {
 namespace {

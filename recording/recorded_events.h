@@ -11,6 +11,7 @@
 #include "command_line/program.h"
 #include "lcmtypes/key.h"
 #include "sprag/contact_event.h"
+#include "sprag/detail/files/csv.h"
 #include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/events_file.h"
 #include "sprag/scene.h"

@@ -13,7 +13,7 @@
 #include "lcmtypes/key.h"
 #include "recording/arrival.h"
 #include "recording/session_tracker.h"
-#include "sprag/contact_clock.h"
+#include "sprag/contact_event.h"
 #include "sprag/detail/events/contact_message.h"
 #include "sprag/detail/events/input_message.h"
 

@@ -7,6 +7,9 @@
 #include <string_view>
 #include <utility>
 
+#include "sprag/detail/files/csv.h"
+#include "sprag/detail/files/events_writer.h"
+#include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {

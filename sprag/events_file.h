@@ -1,5 +1,5 @@
 /// \file
-/// \brief Reads and writes events CSV files.
+/// \brief Reads events CSV files.
 ///
 /// The header is `t,contact,closed`. Contacts are counted from 1 in the file and from 0 in C++.
 /// `closed` is 1 or 0. A pulse is two rows of one contact with equal t, 1 then 0. Numbers have 17
@@ -12,33 +12,10 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/contact_clock.h"
 #include "sprag/contact_event.h"
-#include "sprag/detail/files/csv.h"
-#include "sprag/detail/files/csv_writer.h"
-#include "sprag/detail/mechanics/event_gap.h"
+#include "sprag/error.h"
 
 namespace sprag {
-
-/// \brief Writes an events CSV. The first failure is kept: good() is false and error() describes
-/// it.
-class EventsWriter : public CsvWriter {
- public:
-  /// \brief Writes the header. A failure is reported by good().
-  /// \param file open output file.
-  explicit EventsWriter(OutputFile file);
-  /// \brief Creates or empties a file and writes the header.
-  /// \param file its path.
-  explicit EventsWriter(const std::filesystem::path& file) : EventsWriter(OutputFile(file)) {}
-
-  /// \brief Appends the row of an event, or the two rows of a pulse. A failure is reported by
-  /// good().
-  /// \param event contact from 0.
-  void write(const ContactEvent& event) noexcept;
-
- private:
-  void write_row(double t, int contact, char closed) noexcept;
-};
 
 /// \brief A row before or after a silence that looks like a wrong time stamp.
 struct ImplausibleTime {
@@ -58,19 +35,6 @@ enum class EventNote {
 /// \param note a note.
 /// \return "", "lost", "spurious" or "suspect".
 std::string_view name_of(EventNote note);
-
-/// \brief Writes an events CSV with the column `note`.
-class NotedEventsWriter : public CsvWriter {
- public:
-  /// \brief Creates or empties a file and writes the header. A failure is reported by good().
-  /// \param file its path.
-  explicit NotedEventsWriter(const std::filesystem::path& file);
-  /// \brief Appends the row of an event, or the two rows of a pulse. A failure is reported by
-  /// good().
-  /// \param event contact from 0.
-  /// \param note its note.
-  void write(const ContactEvent& event, EventNote note) noexcept;
-};
 
 /// \brief Content of an events CSV.
 struct EventsFile {
@@ -99,13 +63,6 @@ struct EventsFile {
 /// that the machine does not have or a flag other than 0 and 1: the file belongs to another machine
 /// or counts contacts in another way.
 EventsFile read_events(const std::filesystem::path& file, int contacts);
-/// \brief The same for an open file.
-/// \param file open input file.
-/// \param contacts number of the machine's contacts.
-/// \return the events and all problems.
-/// \throws InputError as above.
-EventsFile read_events(InputFile file, int contacts);
-
 /// \brief Converts the times of a file from the contact clock to the machine's time.
 ///
 /// Leaves out events before the machine's t = 0. A contact that closes before t = 0 and opens later

@@ -7,16 +7,24 @@
 #include <utility>
 
 #include "sprag/detail/identification/bounces.h"
+#include "sprag/detail/identification/departure.h"
 #include "sprag/detail/identification/determination.h"
 #include "sprag/detail/identification/fitted_scene.h"
 #include "sprag/detail/identification/free_flight.h"
+#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/identification/maximum_likelihood.h"
 #include "sprag/detail/identification/mending.h"
 #include "sprag/detail/identification/projection.h"
+#include "sprag/detail/identification/record.h"
 #include "sprag/detail/identification/record_checks.h"
+#include "sprag/detail/identification/record_errors.h"
 #include "sprag/detail/identification/search.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/scene_with.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

@@ -19,6 +19,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -28,14 +32,8 @@
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/identification/departure.h"
-#include "sprag/detail/identification/maximum_likelihood.h"
-#include "sprag/detail/identification/record.h"
-#include "sprag/detail/identification/record_errors.h"
-#include "sprag/detail/mechanics/event_gap.h"
-#include "sprag/detail/parameters/clock_ambiguity.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/error.h"
+#include "sprag/parameter.h"
 #include "sprag/scene.h"
 
 namespace sprag {
@@ -70,7 +68,7 @@ struct FittedUnknown {
   double of_record = 0.0;    ///< part of `sigma` by errors of recorded inputs
   /// \brief Whether the recorded inputs limit the accuracy, not the events.
   /// \return true if about half of the variance or more is theirs.
-  bool is_limited_by_record() const { return of_record > 0.7 * sigma || of_record == infinity; }
+  bool is_limited_by_record() const { return of_record > 0.7 * sigma || std::isinf(of_record); }
 };
 
 /// \brief A combination of undetermined unknowns that the events determine.
@@ -107,6 +105,207 @@ enum class Misfit {
   structured,  ///< residuals that should be the jitter depend on the path
   prediction,  ///< the first four fifths do not predict the last fifth
   start        ///< the motion at the start is far larger than on the path
+};
+
+/// \brief The events cannot determine a parameter of the clock.
+struct ClockAmbiguity {
+  std::string key;  ///< "clock.rate" or "clock.offset"
+  /// \brief Sought parameters whose change together equals a change of `key`; empty: nothing in the
+  /// machine has a unit of time.
+  std::vector<std::string> equals;
+};
+
+/// \brief An event between two impacts whose recorded time is used as exact.
+///
+/// It is a bounce that is too close to another to be distinguished from it, a contact that closes
+/// at the end of a chatter, or contacts that open. An opening is where the force is zero, so its
+/// time matters to second order only.
+struct Passage {
+  double t = 0.0;          ///< [s]
+  int contact = -1;        ///< contact with an impact, from 0; -1: none
+  ContactSet staying = 0;  ///< contacts closed after it
+
+  /// \brief Compares all members.
+  friend bool operator==(const Passage&, const Passage&) = default;
+};
+
+/// \brief An impact of one contact.
+struct Impact {
+  double t = 0.0;         ///< [s]
+  int contact = 0;        ///< from 0
+  bool timed = true;      ///< false: the impact has no event, and t is a guess
+  std::size_t event = 0;  ///< number of its event in the record
+  ContactSet held = 0;    ///< contacts closed before it
+  /// \brief Contacts closed after it; contains `contact` if it stays closed.
+  ContactSet staying = 0;
+  std::vector<Passage> passed = {};  ///< passages since the previous impact or the start
+
+  /// \brief Compares all members.
+  friend bool operator==(const Impact&, const Impact&) = default;
+};
+
+/// \brief Consecutive impacts from an unknown state at `start`, which is not later than the first
+/// impact.
+struct Stretch {
+  double start = 0.0;           ///< [s]
+  std::vector<Impact> impacts;  ///< in order of time
+  /// \brief Contacts with zero gap and gap velocity at `start`, because they were closed until
+  /// then.
+  ContactSet closed = 0;
+  /// \brief Those of `closed` that stay closed.
+  ContactSet held = 0;
+
+  /// \brief Number of impacts.
+  /// \return the number.
+  std::size_t size() const { return impacts.size(); }
+  /// \brief Number of equations of `closed` for the start.
+  /// \return the number.
+  std::size_t of_start() const { return 2 * static_cast<std::size_t>(std::popcount(closed)); }
+  /// \brief Number of all equations.
+  /// \return the number.
+  std::size_t equations() const { return size() + of_start(); }
+
+  /// \brief Compares all members.
+  friend bool operator==(const Stretch&, const Stretch&) = default;
+};
+
+/// \brief Uninterrupted parts of a recording.
+using Stretches = std::vector<Stretch>;
+
+/// \brief A solution of the fit: values, path and covariance.
+struct Likelihood {
+  Eigen::VectorXd values;              ///< of all unknowns, P
+  std::vector<Eigen::VectorXd> x0;     ///< free part of the motion at each stretch's start, 2n
+  Stretches path;                      ///< with the true times
+  std::vector<Eigen::VectorXd> gamma;  ///< gap velocities before the impacts of each stretch
+  /// \brief Leverage of each impact's time: the share of its error that the solution absorbs, 0
+  /// to 1. (tau
+  /// - t) / (sigma sqrt(1 - leverage)) is standard normal if the model and sigma are right.
+  std::vector<Eigen::VectorXd> leverage;
+
+  bool converged = false;  ///< it is an optimum
+  double squares = 0.0;    ///< sum of (tau - t)^2 of timed impacts [s^2]
+  int timed = 0;           ///< number of timed impacts
+  int freedom = 0;         ///< timed impacts minus determined unknowns
+  /// \brief Largest start of a stretch, in units of the largest motion on the path.
+  double largest_start = 0.0;
+  double violation = 0.0;  ///< largest |g_k / gamma_k-| that the path leaves at its own times [s]
+  /// \brief Covariance in the unknowns' coordinates for a jitter of 1 s, P x P; 0 for an unknown
+  /// that is held or at a bound.
+  Eigen::MatrixXd covariance;
+  std::vector<bool> at_bound;  ///< of each unknown: the optimum is at an end of its range
+  /// \brief Covariance of each stretch's x0 for a jitter of 1 s.
+  std::vector<Eigen::MatrixXd> x0_covariance;
+
+  /// \brief Scatter of the times.
+  /// \return sqrt(squares / freedom) [s].
+  double scatter() const;
+};
+
+/// \brief A gain, twice the rise of ln L, above this is significant. Without an error of the kind
+/// it is chi^2 distributed with one degree of freedom.
+inline constexpr double significant_departure = 9.0;
+
+/// \brief Process noise that explains the scatter of the residuals.
+struct DriftEstimate {
+  double drift = 0.0;   ///< most likely drift, energy per unit of time
+  double jitter = 0.0;  ///< most likely jitter with this drift [s]
+  /// \brief Ends of the 95 % interval, where ln L is lower by 1.92. `low` is 0 if no drift lies in
+  /// the interval.
+  double low = 0.0, high = 0.0;
+  double gain = 0.0;  ///< twice the rise of ln L
+  /// \brief With this drift, in the unknowns' coordinates: their changes from the fit and their
+  /// standard deviations.
+  Eigen::VectorXd changes, sigmas;
+
+  /// \brief Whether it is significant.
+  /// \return true if it is.
+  bool found() const { return gain > significant_departure; }
+};
+
+/// \brief Scatter of the restitution from impact to impact.
+struct RestitutionScatter {
+  double scatter = 0.0;  ///< standard deviation of the restitution of one impact, the most likely
+  double jitter = 0.0;   ///< most likely jitter with this scatter [s]
+  double gain = 0.0;     ///< twice the rise of ln L
+  Eigen::VectorXd changes, sigmas;  ///< as DriftEstimate's
+  /// \brief Ljung and Box's statistic Q of the innovations with this scatter, as (Q - L) / sqrt(2
+  /// L) for L lags.
+  double correlation = 0.0;
+  /// \brief Mean square of the last fifth of the innovations, over that of the earlier ones.
+  double growth = 1.0;
+
+  /// \brief A larger estimate is no scatter of the machine's restitution: the model is another one.
+  static constexpr double largest = 0.03;
+  /// \brief Whether it is significant and not too large.
+  /// \return true if it is.
+  bool found() const { return gain > significant_departure && scatter < largest; }
+};
+
+/// \brief Trend of the restitution with the speed of the impact.
+struct RestitutionTrend {
+  double trend = 0.0, sigma = 0.0;  ///< d epsilon / d |gamma-|, per unit of speed
+  /// \brief chi^2 of the residuals, in units of the specified or fitted jitter, without and with
+  /// the trend.
+  double chi2_without = 0.0, chi2_with = 0.0;
+  double gain = 0.0;  ///< chi2_without - chi2_with
+
+  /// \brief Whether it is significant.
+  /// \return true if it is.
+  bool found() const { return gain > significant_departure; }
+};
+
+/// \brief Other causes of scatter than the jitter of event times.
+struct Departure {
+  std::optional<DriftEstimate> drift;         ///< empty if the fit does not determine it
+  std::optional<RestitutionScatter> scatter;  ///< empty if the restitution was not sought
+  std::optional<RestitutionTrend> trend;      ///< empty if the restitution was not sought
+  /// \brief The trend beside a significant drift or scatter, which its deviation includes; else
+  /// `trend`.
+  std::optional<RestitutionTrend> trend_beside;
+  /// \brief As RestitutionScatter::correlation, without any scatter.
+  double correlation = 0.0;
+
+  /// \brief Whether a drift has the largest gain, and a significant one.
+  /// \return true if it has.
+  bool is_drift() const;
+  /// \brief Whether a scatter of the restitution has the largest gain, and a significant one.
+  /// \return true if it has.
+  bool is_scatter() const;
+  /// \brief Whether a trend of the restitution has the largest gain, and a significant one.
+  /// \return true if it has.
+  bool is_trend() const;
+  /// \brief Whether the residuals are neither white nor explained by a scattering restitution.
+  /// \return true if they are neither.
+  bool is_structured() const;
+};
+
+/// \brief Standard deviations by errors of the recorded inputs, in the unknowns' coordinates, P
+/// entries; empty without a record.
+struct RecordErrors {
+  Eigen::VectorXd noise;       ///< by the stated noise of the samples
+  Eigen::VectorXd resolution;  ///< by the interpolation between samples
+  State start;                 ///< of the state at the first stretch's start, by both
+  /// \brief Scatter of the event times that these errors cause [s].
+  double noise_scatter = 0.0, resolution_scatter = 0.0;
+  /// \brief Scatter with the other interpolation, if that is far smaller than the fit's; else 0
+  /// [s].
+  double other_scatter = 0.0;
+
+  /// \brief Whether there is no record.
+  /// \return true if there is none.
+  bool empty() const { return resolution.size() == 0; }
+  /// \brief The larger one of both scatters.
+  /// \return the scatter [s].
+  double scatter() const { return std::max(noise_scatter, resolution_scatter); }
+  /// \brief Whether they explain the scatter of a fit.
+  /// \param of_fit scatter of the fit [s].
+  /// \return true if they do.
+  bool explains(double of_fit) const { return scatter() > 0.3 * of_fit; }
+  /// \brief Standard deviation by both.
+  /// \param k number of the unknown, from 0.
+  /// \return the deviation.
+  double of(std::size_t k) const;
 };
 
 /// \brief Result of identify().

@@ -7,6 +7,8 @@
 #include <string>
 #include <utility>
 
+#include "sprag/detail/estimates/impact_record.h"
+#include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/instant.h"

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/error.h"
 #include "sprag/sampled_input.h"
 

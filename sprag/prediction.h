@@ -1,30 +1,20 @@
 /// \file
-/// \brief Predicts the next contact events of a machine from a belief about its state.
+/// \brief Predicts the next contact events of a machine.
 ///
-/// The belief has mean m and covariance S S^T of x = (q, u). The exact master (master.h) continues
-/// from the mean, with events at T_k. Masters from m +- c S_j for each column j, c = 2, give the
-/// derivatives of the event times:
-///
-///     tau_kj = (T_k(m + c S_j) - T_k(m - c S_j)) / (2 c),   sigma_k = |tau_k|
-///
-/// This includes the saltation of all impacts, chatters and releases, for any impact law. 32 more
-/// masters start from corners m + S xi, xi_j = +-c. The list ends before the first event k at which
-///
-/// - one of these masters has another event, or the events in another order;
-/// - the interval before it is too uncertain: |tau_k - tau_(k-1)| > 1/4 (T_k - T_(k-1));
-/// - T_k is not linear: at a corner it differs from its linearization by more than sigma_k.
+/// Each predicted time has a standard deviation, from the estimator's belief about the state. The
+/// list ends where the events that follow are uncertain: in their order, or by more than a quarter
+/// of the interval before them, or not linear in the state.
 ///
 /// Contacts are counted from 0.
 #pragma once
 
-#include <functional>
-#include <memory>
+#include <span>
+#include <stop_token>
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/estimates/belief.h"
-#include "sprag/detail/mechanics/flows.h"
-#include "sprag/model.h"
+#include "sprag/observer.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 
@@ -43,43 +33,18 @@ struct Prediction {
   std::vector<PredictedEvent> events;  ///< in order of time
 };
 
-/// \brief Predicts events of one machine.
-class Predictor {
- public:
-  /// \brief Prepares the machine's flows.
-  /// \param model the machine.
-  /// \throws ModelError if the machine has no exact flow.
-  explicit Predictor(Model model) : flows_(std::move(model)) {}
-
-  /// \brief Predicts the events in (t, t + ahead], at most 1000.
-  ///
-  /// The list is empty if one of the masters starts inside a support and does not move out of it.
-  /// \param t time of the belief, >= 0 [s].
-  /// \param closed contacts that are closed at t.
-  /// \param belief mean and covariance of the state at t.
-  /// \param ahead duration, > 0 [s].
-  /// \return the prediction.
-  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
-  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const {
-    return predict(t, closed, belief, ahead, {});
-  }
-
-  /// \brief Machine at m + S xi where parameters are uncertain too. xi has one entry for each
-  /// column of S.
-  using MachineOf = std::function<std::shared_ptr<const Flows>(const Eigen::VectorXd& xi)>;
-  /// \brief The same for a machine that depends on xi.
-  /// \param t time of the belief, >= 0 [s].
-  /// \param closed contacts that are closed at t.
-  /// \param belief mean and covariance at t.
-  /// \param ahead duration, > 0 [s].
-  /// \param machine_of returns the machine for xi; empty: the machine of the constructor.
-  /// \return the prediction.
-  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
-  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead,
-                     const MachineOf& machine_of) const;
-
- private:
-  Flows flows_;
-};
+/// \brief Predicts contact events after a recording.
+/// \param scene machine, start and uncertainties.
+/// \param events in any order; events later than `t` are not used.
+/// \param t time of the prediction, >= 0; it is made at the last tick at or before it [s].
+/// \param ahead predicted duration, > 0 [s].
+/// \param settings tick and estimator.
+/// \param stop token by which another thread or a signal handler cancels the computation.
+/// \return the prediction, without events while the filter is not confirmed.
+/// \throws ModelError as Observer does.
+/// \throws std::invalid_argument as Observer does, also for `t` or `ahead` out of range.
+/// \throws Interrupted if `stop` was requested.
+Prediction predict(const Scene& scene, std::span<const ContactEvent> events, double t, double ahead,
+                   const ObserverSettings& settings = {}, std::stop_token stop = {});
 
 }  // namespace sprag

@@ -1,5 +1,5 @@
 /// \file
-/// \brief Simulates a machine with the exact master (master.h) in one call.
+/// \brief Simulates a machine with exact flows, event by event.
 #pragma once
 
 #include <Eigen/Core>
@@ -7,9 +7,15 @@
 #include <vector>
 
 #include "sprag/contact_event.h"
+#include "sprag/error.h"
 #include "sprag/model.h"
 
 namespace sprag {
+
+/// \brief The simulation cannot continue; what() gives time and reason.
+struct SimulationError : Error {
+  using Error::Error;
+};
 
 /// \brief Contact events of a machine, and its states at n ticks.
 struct Simulation {

@@ -9,6 +9,7 @@
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/scale.h"
 
 namespace sprag {

@@ -15,8 +15,8 @@
 #include "python/src/studies.h"
 #include "python/src/tolerances.h"
 #include "sprag/detail/files/input_file.h"
-#include "sprag/error.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/error.h"
 #include "sprag/model.h"
 #include "sprag/scene_file.h"
 

@@ -23,8 +23,8 @@
 #include "recording/recording.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/message_builder.h"
+#include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/files/input_file.h"
-#include "sprag/events_file.h"
 #include "sprag/scene.h"
 
 namespace sprag::python {

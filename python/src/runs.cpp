@@ -22,6 +22,7 @@
 #include "python/src/settings.h"
 #include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/guaranteed_widths.h"
+#include "sprag/detail/files/csv.h"
 #include "sprag/detail/text/parameters_text.h"
 #include "sprag/detail/text/printable.h"
 #include "sprag/energy.h"

@@ -7,8 +7,8 @@
 #include "python/src/random.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/energy.h"
 #include "sprag/reduction.h"
 
 namespace sprag::python {

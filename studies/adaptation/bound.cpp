@@ -2,10 +2,11 @@
 
 #include <vector>
 
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/path_posterior.h"
 #include "sprag/detail/identification/task.h"
-#include "sprag/identification.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/identification.h"
 
 namespace sprag::adaptation_study {
 

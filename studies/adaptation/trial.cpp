@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "studies/common/later.h"
 #include "studies/common/random.h"
 

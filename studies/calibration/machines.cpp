@@ -9,8 +9,8 @@
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/scene_text.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/energy.h"
 #include "sprag/scene_file.h"
 #include "studies/common/random.h"
 

@@ -9,10 +9,10 @@
 #include "sprag/detail/analysis/quantile.h"
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/common/random.h"
 

@@ -7,6 +7,7 @@
 
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag::studies {
 namespace {

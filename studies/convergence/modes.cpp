@@ -4,9 +4,10 @@
 #include <string_view>
 
 #include "sprag/detail/analysis/reduction_choice.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/replica.h"
+#include "sprag/energy.h"
 #include "studies/convergence/mode_limit.h"
 #include "studies/convergence/study.h"
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/identification/maximum_likelihood.h"
 #include "sprag/detail/identification/search.h"
 #include "sprag/scene_file.h"
 #include "studies/identification/trial.h"

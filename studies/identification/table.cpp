@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "sprag/detail/identification/drift.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/scene_file.h"
 #include "studies/identification/drifting.h"
 #include "studies/identification/trial.h"

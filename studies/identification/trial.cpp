@@ -5,8 +5,9 @@
 #include <ctime>
 #include <numbers>
 
-#include "sprag/detail/parameters/scene_with.h"
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "studies/common/random.h"
 
 namespace sprag::identification_study {

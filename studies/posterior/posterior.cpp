@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "studies/common/random.h"
 
 namespace sprag::posterior {

@@ -12,9 +12,9 @@
 #include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/event_search.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/replica/replica.h"
+#include "sprag/energy.h"
 
 namespace sprag::stability {
 namespace {

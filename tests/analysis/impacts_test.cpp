@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "sprag/prediction.h"
 #include "sprag/simulate.h"
 #include "tests/support/run.h"
 

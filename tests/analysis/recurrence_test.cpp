@@ -13,8 +13,8 @@
 
 #include "sprag/detail/analysis/lyapunov.h"
 #include "sprag/detail/analysis/variation.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
 #include "tests/support/units.h"

@@ -14,6 +14,7 @@
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"

@@ -6,9 +6,9 @@
 #include <sstream>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "tests/support/random_model.h"
 
 namespace sprag::test {

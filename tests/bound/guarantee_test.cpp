@@ -10,6 +10,7 @@
 #include <iostream>
 
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/observer.h"
 #include "sprag/simulate.h"
 #include "tests/support/random.h"

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "sprag/detail/files/events_writer.h"
 #include "tests/end_to_end/fixture.h"
 #include "tests/end_to_end/played_master.h"
 

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "lcmtypes/channel_log.h"
-#include "sprag/events_file.h"
+#include "sprag/detail/files/events_writer.h"
 #include "tests/end_to_end/fixture.h"
 
 namespace sprag::test {

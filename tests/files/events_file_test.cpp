@@ -1,9 +1,8 @@
-#include "sprag/events_file.h"
-
 #include <gtest/gtest.h>
 
 #include <random>
 
+#include "sprag/detail/files/events_writer.h"
 #include "tests/support/temporary_directory.h"
 
 namespace sprag {

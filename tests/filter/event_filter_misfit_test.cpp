@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene_file.h"
 #include "tests/support/pursuit.h"
 #include "tests/support/random_model.h"

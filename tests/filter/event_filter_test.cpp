@@ -11,8 +11,8 @@
 
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/energy.h"
 #include "sprag/detail/replica/replica.h"
+#include "sprag/energy.h"
 #include "sprag/scene_file.h"
 #include "tests/support/pursuit.h"
 #include "tests/support/recorded_run.h"

@@ -9,7 +9,6 @@
 #include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/scale.h"
-#include "sprag/detail/mechanics/master.h"
 #include "sprag/scene_file.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/tracking_estimators.h"

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"

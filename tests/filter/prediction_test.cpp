@@ -1,11 +1,10 @@
-#include "sprag/prediction.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <iostream>
 #include <random>
 
+#include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/recorded_run.h"

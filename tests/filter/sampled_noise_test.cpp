@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "sprag/detail/filter/tracking_estimator.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "tests/support/random.h"
 #include "tests/support/rattle.h"
 

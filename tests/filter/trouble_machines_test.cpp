@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/energy.h"
 #include "sprag/scene_file.h"
 #include "tests/support/tracking_estimators.h"
 

@@ -10,9 +10,10 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
+#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "sprag/observer.h"
 #include "sprag/scene_file.h"
 #include "sprag/smoother.h"

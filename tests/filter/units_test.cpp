@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "sprag/detail/estimates/estimator.h"
-#include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scale.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"

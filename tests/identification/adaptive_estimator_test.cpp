@@ -5,9 +5,9 @@
 
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/time_line.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "sprag/observer.h"
 #include "studies/adaptation/trial.h"
 #include "tests/support/run.h"

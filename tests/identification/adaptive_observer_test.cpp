@@ -7,9 +7,9 @@
 #include <random>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "sprag/observer.h"
 #include "tests/support/random.h"
 #include "tests/support/rattle.h"

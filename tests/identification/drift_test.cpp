@@ -4,6 +4,7 @@
 
 #include <iostream>
 
+#include "sprag/detail/parameters/unknowns.h"
 #include "studies/identification/drifting.h"
 #include "studies/identification/trial.h"
 #include "tests/support/repetitions.h"

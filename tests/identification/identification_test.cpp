@@ -9,8 +9,10 @@
 
 #include "sprag/detail/identification/drift.h"
 #include "sprag/detail/identification/explanations.h"
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/restitution_trend.h"
 #include "sprag/detail/parameters/scene_with.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"
 #include "tests/support/repetitions.h"

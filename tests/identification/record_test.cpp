@@ -7,6 +7,7 @@
 
 #include "sprag/detail/identification/linear_path.h"
 #include "sprag/detail/identification/record_checks.h"
+#include "sprag/detail/mechanics/event_gap.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "tests/support/run.h"
 

@@ -12,6 +12,7 @@
 #include "sprag/detail/identification/free_flight.h"
 #include "sprag/detail/identification/recorded_response.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 #include "tests/identification/fitted_unknown.h"
 #include "tests/support/random.h"

@@ -6,6 +6,7 @@
 #include <iostream>
 
 #include "sprag/detail/identification/drift.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "studies/common/random.h"
 #include "tests/identification/ball.h"
 

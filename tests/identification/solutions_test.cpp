@@ -8,8 +8,10 @@
 #include <numbers>
 #include <random>
 
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/scene_with.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 #include "studies/identification/trial.h"
 #include "tests/identification/ball.h"

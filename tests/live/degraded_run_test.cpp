@@ -4,8 +4,8 @@
 #include <iostream>
 
 #include "sprag/detail/live/time_line.h"
-#include "sprag/energy.h"
 #include "sprag/detail/replica/replica.h"
+#include "sprag/energy.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/tracking_estimators.h"

@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/replica.h"
 #include "tests/support/random.h"
 #include "tests/support/run.h"

@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene_file.h"
 #include "tests/mechanics/search_problem.h"
 #include "tests/support/random.h"

@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scale.h"
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"
 #include "tests/support/random.h"

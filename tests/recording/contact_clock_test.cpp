@@ -5,6 +5,7 @@
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
 #include "sprag/detail/events/contact_message.h"
+#include "sprag/detail/files/events_writer.h"
 #include "tests/support/random.h"
 #include "tests/support/temporary_directory.h"
 

@@ -11,9 +11,9 @@
 #include <string>
 #include <string_view>
 
+#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
-#include "sprag/detail/mechanics/master.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/study.h"
 #include "studies/calibration/table.h"

@@ -7,7 +7,7 @@
 #include <iostream>
 #include <vector>
 
-#include "sprag/replica.h"
+#include "sprag/detail/replica/replica.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "sprag/detail/mechanics/instant.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/energy.h"
 #include "sprag/scene.h"
 #include "tests/support/tracking_estimators.h"
 

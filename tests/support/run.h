@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "sprag/detail/estimates/estimator.h"
-#include "sprag/energy.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/energy.h"
 #include "sprag/scene_file.h"
 
 namespace sprag::test {

@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "sprag/detail/files/states_file.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
-#include "sprag/detail/files/states_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 

@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "sprag/scene_file.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 
 namespace sprag {

@@ -9,8 +9,8 @@
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/files/scene_writer.h"
-#include "sprag/scene_file.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
 

@@ -9,9 +9,9 @@
 #include <random>
 #include <sstream>
 
+#include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/unknowns.h"
-#include "sprag/events_file.h"
 #include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"

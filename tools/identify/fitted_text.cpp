@@ -7,6 +7,7 @@
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/identification/fitted_tolerance.h"
 #include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 

@@ -6,6 +6,7 @@
 
 #include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 
 namespace sprag {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <stdexcept>
 
+#include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/identification/repaired_events.h"
-#include "sprag/events_file.h"
 
 namespace sprag {
 void write_mended(const std::filesystem::path& file, std::span<const ContactEvent> events,

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "sprag/contact_clock.h"
+#include "sprag/contact_event.h"
 #include "sprag/detail/import/contact_stream.h"
 #include "sprag/detail/import/level_edges.h"
 #include "tools/listen/arrival_scatter.h"

@@ -1,7 +1,7 @@
 // Options of listen.
 #pragma once
 
-#include "sprag/contact_clock.h"
+#include "sprag/contact_event.h"
 #include "tools/listen/run.h"
 
 namespace CLI {

@@ -5,8 +5,10 @@
 #include <optional>
 
 #include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/identification/maximum_likelihood.h"
 #include "sprag/detail/identification/projection.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 
 namespace sprag {

@@ -8,8 +8,8 @@
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/analysis/lyapunov.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

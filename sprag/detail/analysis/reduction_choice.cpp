@@ -8,8 +8,8 @@
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/error.h"
 #include "sprag/detail/replica/replica.h"
+#include "sprag/error.h"
 
 namespace sprag {
 namespace {

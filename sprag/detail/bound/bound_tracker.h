@@ -37,6 +37,7 @@
 #include "sprag/detail/bound/impact_remainder.h"
 #include "sprag/detail/bound/model_defect.h"
 #include "sprag/detail/events/event_history.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/replica.h"
 #include "sprag/scene.h"
 

@@ -20,7 +20,7 @@
 #include "sprag/detail/bound/energy_metric.h"
 #include "sprag/detail/bound/signal_range.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/uncertainty.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

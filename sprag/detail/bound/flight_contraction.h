@@ -10,7 +10,7 @@
 #include "sprag/detail/bound/contraction_table.h"
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/oscillators.h"
-#include "sprag/uncertainty.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -13,6 +13,7 @@
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/half_width.h"
 #include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene.h"
 
 namespace sprag {

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "sprag/detail/bound/event_cost.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

@@ -7,7 +7,7 @@
 #pragma once
 
 #include "sprag/detail/bound/energy_metric.h"
-#include "sprag/uncertainty.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -11,7 +11,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -19,29 +18,9 @@
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/flow.h"
+#include "sprag/impacts.h"
 
 namespace sprag {
-
-/// A number and its standard deviation; infinite: unknown.
-struct Uncertain {
-  double value = 0.0;
-  double sigma = std::numeric_limits<double>::infinity();
-};
-
-struct ImpactRecord {
-  double t = 0.0;   ///< as reported [s]
-  int contact = 0;  ///< from 0
-  ContactEventKind kind = ContactEventKind::pulse;
-  bool from_filter = false;  ///< false: from the replica
-  Uncertain time;            ///< estimated time, from the events up to it [s]
-  Uncertain before, after;   ///< gap velocities before and after it [m/s]
-  Uncertain impulse;         ///< [N s]
-  /// For the release of a contact that was held: its force after the closing, before the release,
-  /// and at its maximum [N], and its impulse in between [N s], including impulses by other
-  /// contacts' impacts.
-  bool sustained = false;
-  Uncertain force_begin, force_end, force_largest, force_impulse;
-};
 
 class ImpactRecorder {
  public:

@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "sprag/contact_clock.h"
 #include "sprag/contact_event.h"
 
 namespace sprag {

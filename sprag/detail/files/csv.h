@@ -10,14 +10,9 @@
 #include <vector>
 
 #include "sprag/detail/files/input_file.h"
+#include "sprag/error.h"
 
 namespace sprag {
-
-/// A problem at a line of a text file.
-struct FileProblem {
-  std::size_t line;  ///< from 1
-  std::string what;
-};
 
 void append_number(std::string& text, double value);
 void append_number(std::string& text, std::int64_t value);

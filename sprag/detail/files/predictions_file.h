@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <string>
 
+#include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/files/csv_writer.h"
-#include "sprag/prediction.h"
 
 namespace sprag {
 

@@ -10,8 +10,8 @@
 #include "sprag/detail/filter/flux.h"
 #include "sprag/detail/filter/track.h"
 #include "sprag/detail/filter/triangularize.h"
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

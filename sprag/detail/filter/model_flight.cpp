@@ -6,6 +6,7 @@
 
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
 
 namespace sprag {

@@ -13,6 +13,7 @@
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/mechanics/flows.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene.h"
 
 namespace sprag {

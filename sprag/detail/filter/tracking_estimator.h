@@ -31,12 +31,13 @@
 #include <span>
 #include <vector>
 
+#include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/filter/belief_pool.h"
 #include "sprag/detail/filter/scene_filter.h"
 #include "sprag/detail/filter/track.h"
 #include "sprag/detail/identification/task.h"
+#include "sprag/detail/replica/replica.h"
 #include "sprag/prediction.h"
-#include "sprag/replica.h"
 
 namespace sprag {
 

@@ -4,6 +4,8 @@
 
 #include "sprag/detail/identification/repaired_events.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

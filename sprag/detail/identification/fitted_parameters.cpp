@@ -5,7 +5,9 @@
 #include <limits>
 #include <stdexcept>
 
+#include "sprag/detail/identification/departure.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

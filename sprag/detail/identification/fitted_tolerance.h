@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "sprag/identification.h"
-#include "sprag/uncertainty.h"
+#include "sprag/scene.h"
 
 namespace sprag {
 

@@ -8,6 +8,7 @@
 #include "sprag/detail/identification/coupled_step.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/oscillators.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 

@@ -7,6 +7,7 @@
 
 #include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {

@@ -8,6 +8,7 @@
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

@@ -19,32 +19,6 @@
 
 namespace sprag {
 
-struct Likelihood {
-  Eigen::VectorXd values;           ///< of all unknowns, P
-  std::vector<Eigen::VectorXd> x0;  ///< free part of the motion at each stretch's start, 2n
-  Stretches path;                   ///< with the true times
-  std::vector<Eigen::VectorXd> gamma;
-  /// Leverage of each impact's time: the share of its error that the solution absorbs, 0 to 1. (tau
-  /// - t) / (sigma sqrt(1 - leverage)) is standard normal if the model and sigma are right.
-  std::vector<Eigen::VectorXd> leverage;
-
-  bool converged = false;
-  double squares = 0.0;  ///< sum of (tau - t)^2 of timed impacts [s^2]
-  int timed = 0;         ///< number of timed impacts
-  int freedom = 0;       ///< timed impacts minus determined unknowns
-  /// Largest start of a stretch, in units of the largest motion on the path.
-  double largest_start = 0.0;
-  double violation = 0.0;  ///< largest |g_k / gamma_k-| that the path leaves at its own times [s]
-  /// In the unknowns' coordinates for a jitter of 1 s, P x P; 0 for an unknown that is held or at a
-  /// bound.
-  Eigen::MatrixXd covariance;
-  std::vector<bool> at_bound;  ///< of each unknown: the optimum is at an end of its range
-  /// Covariance of each stretch's x0 for a jitter of 1 s.
-  std::vector<Eigen::MatrixXd> x0_covariance;
-
-  double scatter() const;  ///< sqrt(squares / freedom) [s]
-};
-
 /// Initial value from a fit of variable projection along the measured times of `stretches`. Its
 /// scale is set so that amplitudes that are not sought keep their values.
 Likelihood along_measured_times(const MachineFamily& family, const Stretches& stretches,

@@ -7,6 +7,7 @@
 #include "sprag/detail/identification/free_flight.h"
 #include "sprag/detail/identification/projection.h"
 #include "sprag/detail/identification/search.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

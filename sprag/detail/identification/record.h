@@ -2,61 +2,15 @@
 // the impacts all contacts are open, or some are held closed.
 #pragma once
 
-#include <bit>
 #include <cstddef>
 #include <functional>
 #include <span>
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/mechanics/event_gap.h"
+#include "sprag/identification.h"
 
 namespace sprag {
-
-/// An event between two impacts whose recorded time is used as exact: a bounce that is too close to
-/// another to be distinguished from it (bounces.h), a contact that closes at the end of a chatter,
-/// or contacts that open. An opening is where the force is zero, so its time matters to second
-/// order only.
-struct Passage {
-  double t = 0.0;
-  int contact = -1;        ///< contact with an impact, from 0; -1: none
-  ContactSet staying = 0;  ///< contacts closed after it
-
-  friend bool operator==(const Passage&, const Passage&) = default;
-};
-
-struct Impact {
-  double t = 0.0;
-  int contact = 0;        ///< from 0
-  bool timed = true;      ///< false: the impact has no event, and t is a guess
-  std::size_t event = 0;  ///< number of its event in the record
-  ContactSet held = 0;    ///< contacts closed before it
-  /// Contacts closed after it; contains `contact` if it stays closed.
-  ContactSet staying = 0;
-  std::vector<Passage> passed = {};  ///< passages since the previous impact or the start
-
-  friend bool operator==(const Impact&, const Impact&) = default;
-};
-
-/// Consecutive impacts from an unknown state at `start`, which is not later than the first impact.
-struct Stretch {
-  double start = 0.0;
-  std::vector<Impact> impacts;
-  /// Contacts with zero gap and gap velocity at `start`, because they were closed until then.
-  ContactSet closed = 0;
-  /// Those of `closed` that stay closed.
-  ContactSet held = 0;
-
-  std::size_t size() const { return impacts.size(); }
-  /// Number of equations of `closed` for the start.
-  std::size_t of_start() const { return 2 * static_cast<std::size_t>(std::popcount(closed)); }
-  /// Number of all equations.
-  std::size_t equations() const { return size() + of_start(); }
-
-  friend bool operator==(const Stretch&, const Stretch&) = default;
-};
-
-using Stretches = std::vector<Stretch>;
 
 /// Whether a path can be computed through an impact of the contact, with `held` closed before it
 /// and `staying` after it.

@@ -5,8 +5,8 @@
 #include <limits>
 #include <vector>
 
-#include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

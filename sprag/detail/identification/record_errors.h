@@ -8,7 +8,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <span>
 #include <vector>
 
@@ -16,26 +15,6 @@
 #include "sprag/model.h"
 
 namespace sprag {
-
-/// Standard deviations by errors of the records; in the unknowns' coordinates, P entries, empty
-/// without a record.
-struct RecordErrors {
-  Eigen::VectorXd noise;       ///< by the stated noise of the samples
-  Eigen::VectorXd resolution;  ///< by the interpolation between samples
-  State start;                 ///< of the state at the first stretch's start, by both
-  /// Scatter of the event times that these errors cause [s].
-  double noise_scatter = 0.0, resolution_scatter = 0.0;
-  /// Scatter with the other interpolation, if that is far smaller than the fit's; else 0 [s].
-  double other_scatter = 0.0;
-
-  bool empty() const { return resolution.size() == 0; }
-  /// The larger one of both scatters [s].
-  double scatter() const { return std::max(noise_scatter, resolution_scatter); }
-  /// Whether they explain the scatter of a fit [s].
-  bool explains(double of_fit) const { return scatter() > 0.3 * of_fit; }
-  /// Of unknown k, by both.
-  double of(std::size_t k) const;
-};
 
 /// The state (q, u) at the start of the first stretch.
 State state_at_start(const MachineFamily& family, const Likelihood& solution);

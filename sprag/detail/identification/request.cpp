@@ -5,6 +5,7 @@
 
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "sprag/detail/identification/departure.h"
 #include "sprag/detail/identification/linearized_filter.h"
 
 namespace sprag {

@@ -6,8 +6,10 @@
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/filter/family_flight.h"
 #include "sprag/detail/filter/triangularize.h"
+#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/path_posterior.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 
 namespace sprag {

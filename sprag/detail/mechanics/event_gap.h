@@ -1,16 +1,12 @@
-// Intervals in which contact events may be missing, because they were lost or are contradictory.
+// Lists of intervals in which contact events may be missing.
 #pragma once
 
 #include <algorithm>
 #include <vector>
 
+#include "sprag/contact_event.h"
+
 namespace sprag {
-
-struct EventGap {
-  double from = 0.0, to = 0.0;
-
-  friend bool operator==(const EventGap&, const EventGap&) = default;
-};
 
 /// Adds a gap to a list of disjoint gaps in ascending order. Gaps that overlap or touch it are
 /// merged with it.

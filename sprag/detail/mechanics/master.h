@@ -27,7 +27,7 @@
 #include "sprag/detail/mechanics/event_search.h"
 #include "sprag/detail/mechanics/flow.h"
 #include "sprag/detail/mechanics/flows.h"
-#include "sprag/error.h"
+#include "sprag/simulate.h"
 
 namespace sprag {
 
@@ -35,11 +35,6 @@ namespace sprag {
 inline constexpr double touching = 1e-12;
 /// \brief Bounces shorter than this share of the time t cannot be distinguished in t.
 inline constexpr double resolvable = 1e-14;
-
-/// \brief The simulation cannot continue; what() gives time and reason.
-struct SimulationError : Error {
-  using Error::Error;
-};
 
 /// \brief Simulates one machine from event to event.
 class Master {

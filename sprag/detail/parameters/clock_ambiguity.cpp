@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {

@@ -13,16 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/identification.h"
 
 namespace sprag {
-
-/// The events cannot determine a parameter of the clock.
-struct ClockAmbiguity {
-  std::string key;                  ///< "clock.rate" or "clock.offset"
-  std::vector<std::string> equals;  ///< sought parameters whose change together equals a change of
-                                    ///< `key`; empty: nothing in the machine has a unit of time
-};
 
 /// Whether the events cannot determine this parameter of the clock although all parameters that are
 /// not in `sought` are known. Empty: they can, or `unknown` is not of the clock.

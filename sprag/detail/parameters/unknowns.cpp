@@ -9,6 +9,7 @@
 
 #include "sprag/detail/files/nearest_word.h"
 #include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {

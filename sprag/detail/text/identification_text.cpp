@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/text/printable.h"
 #include "sprag/detail/text/table.h"
 

@@ -2,6 +2,8 @@
 
 #include <bit>
 
+#include "sprag/detail/mechanics/scalars.h"
+
 namespace sprag::work_precision {
 namespace {
 

@@ -1,4 +1,4 @@
-#include "sprag/prediction.h"
+#include "sprag/detail/estimates/predictor.h"
 
 #include <algorithm>
 #include <bit>
