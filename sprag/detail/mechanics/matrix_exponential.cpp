@@ -10,10 +10,10 @@ namespace sprag {
 namespace {
 
 // 1 / k!. The remainder of the series is below rounding for matrices of this norm.
-constexpr int degree = 16;
+constexpr int taylor_degree = 16;
 constexpr double largest_norm = 0.75;
-constexpr std::array<double, degree + 1> inverse_factorials = [] {
-  std::array<double, degree + 1> of{1.0};
+constexpr std::array<double, taylor_degree + 1> taylor_coefficients = [] {
+  std::array<double, taylor_degree + 1> of{1.0};
   for (std::size_t k = 1; k < of.size(); ++k) of[k] = of[k - 1] / static_cast<double>(k);
   return of;
 }();
@@ -37,12 +37,12 @@ void MatrixExponential::apply(Eigen::Ref<Eigen::MatrixXd> A) {
   multiply(A2, A2, A4);
   // Horner's rule in A^4 (Paterson & Stockmeyer 1973).
   sum.setZero();
-  sum.diagonal().setConstant(inverse_factorials[degree]);
-  for (std::size_t k = degree - 4;; k -= 4) {
+  sum.diagonal().setConstant(taylor_coefficients[taylor_degree]);
+  for (std::size_t k = taylor_degree - 4;; k -= 4) {
     multiply(sum, A4, next);
-    sum = next + inverse_factorials[k + 1] * A + inverse_factorials[k + 2] * A2 +
-          inverse_factorials[k + 3] * A3;
-    sum.diagonal().array() += inverse_factorials[k];
+    sum = next + taylor_coefficients[k + 1] * A + taylor_coefficients[k + 2] * A2 +
+          taylor_coefficients[k + 3] * A3;
+    sum.diagonal().array() += taylor_coefficients[k];
     if (k == 0) break;
   }
   for (int i = 0; i < halvings; ++i) {
