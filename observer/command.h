@@ -17,6 +17,7 @@ struct ObserverCommand {
   std::filesystem::path scene;
   ObserverOptions options;
   ReplayOptions replay;
+  std::optional<ConfidenceLevel> confidence;  ///< in place of the scene's
   bool smooth = false;
 };
 

@@ -19,7 +19,8 @@ int main(int argc, char** argv) {
   sprag::add_observer_options(*app, common, command);
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Scene scene = sprag::load_scene(command.scene, common);
+    sprag::Scene scene = sprag::load_scene(command.scene, common);
+    if (command.confidence) scene.prior.confidence = *command.confidence;
     sprag::check(command);
     const bool streamed = scene.stream_duration > 0.0;
     const double end = sprag::end_of_inputs(scene.model);

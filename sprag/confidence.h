@@ -21,6 +21,30 @@ enum class EstimatorKind {
   adaptive  ///< both, with an identified model
 };
 
+/// \brief How sure the filter must be of its track before it shows an estimate with a sigma.
+///
+/// After events that do not fit, a track counts only when 2f events have fitted, which determine
+/// the state, and some more. docs/measurements/robustness.md has what each level costs.
+enum class ConfidenceLevel {
+  low,     ///< 1 more: far more estimates under lost events, of which more are wrong
+  medium,  ///< 2 more
+  high     ///< 8 more: a claimed sigma is right as often as it says, also under lost events
+};
+
+/// \brief Name of a level, as in scene files.
+/// \param level the level.
+/// \return "low", "medium" or "high".
+constexpr const char* name(ConfidenceLevel level) {
+  switch (level) {
+    case ConfidenceLevel::low:
+      return "low";
+    case ConfidenceLevel::medium:
+      return "medium";
+    default:
+      return "high";
+  }
+}
+
 /// \brief Innovation of the last reported closing: the gap that the estimate predicts there.
 ///
 /// It is zero for a perfect estimate.

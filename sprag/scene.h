@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "sprag/beam.h"
+#include "sprag/confidence.h"
 #include "sprag/contact_event.h"
 #include "sprag/model.h"
 
@@ -128,12 +129,13 @@ struct KeptModes {
 
 /// \brief Prior of the observer: its knowledge before the first event. f coordinates.
 struct Prior {
-  State start;                      ///< mean of the start, padded with zeros to f entries
-  Eigen::VectorXd uncertainty;      ///< energies of the start's error, by coordinate if M and K are
-                                    ///< diagonal, else by mode; empty: not given
-  std::optional<State> sigma;       ///< standard deviations of the start, instead of uncertainty
-  double drift = 0.0;               ///< energy of the model's process noise per unit of time
-  double jitter = 0.0;              ///< standard deviation of event times [s]
+  State start;                  ///< mean of the start, padded with zeros to f entries
+  Eigen::VectorXd uncertainty;  ///< energies of the start's error, by coordinate if M and K are
+                                ///< diagonal, else by mode; empty: not given
+  std::optional<State> sigma;   ///< standard deviations of the start, instead of uncertainty
+  double drift = 0.0;           ///< energy of the model's process noise per unit of time
+  double jitter = 0.0;          ///< standard deviation of event times [s]
+  ConfidenceLevel confidence = ConfidenceLevel::high;  ///< before the filter is shown
   Tolerance tolerance;              ///< hard limits of deviations; all 0: the scene is exact
   Adaptation adaptation;            ///< parameters that identification may change
   ParameterUncertainty parameters;  ///< uncertain parameters; empty: not given

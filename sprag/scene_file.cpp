@@ -530,13 +530,22 @@ Eigen::VectorXd read_sigma(const TomlTable& table, const char* key, const Scene&
   return sigma;
 }
 
+ConfidenceLevel read_confidence(const TomlTable& table) {
+  using enum ConfidenceLevel;
+  const std::string_view given = table.choice("confidence", {name(high), name(medium), name(low)});
+  return given == name(low) ? low : given == name(medium) ? medium : high;
+}
+
 void read_replica(const TomlTable& root, Scene& scene) {
   const Eigen::Index f = scene.model.coordinates();
-  const auto table = root.table(
-      "replica", {"q", "u", "restitution", "uncertainty", "sigma_q", "sigma_u", "drift"});
+  const auto table = root.table("replica", {"q", "u", "restitution", "uncertainty", "sigma_q",
+                                            "sigma_u", "drift", "confidence"});
   scene.prior.start =
       table ? read_state(*table, scene) : State{Eigen::VectorXd::Zero(f), Eigen::VectorXd::Zero(f)};
-  if (table) scene.prior.drift = table->number_or("drift", 0.0, not_negative);
+  if (table) {
+    scene.prior.drift = table->number_or("drift", 0.0, not_negative);
+    scene.prior.confidence = read_confidence(*table);
+  }
   if (table && table->has("restitution")) read_replica_restitution(*table, scene.model.contacts);
   if (table && (table->has("sigma_q") || table->has("sigma_u"))) {
     refuse_other(*table, table->has("sigma_q") ? "sigma_q" : "sigma_u", {"uncertainty"});

@@ -8,6 +8,7 @@ import numpy.typing as npt
 _Numbers = npt.NDArray[np.float64]
 _Law = Literal["poisson", "newton"]
 _Estimator = Literal["both", "timing", "replica", "adaptive"]
+_ConfidenceLevel = Literal["low", "medium", "high"]
 _Events = npt.NDArray[np.void] | Sequence[tuple[float, int, int]]
 
 # Metaclass of all classes of pybind11.
@@ -235,6 +236,7 @@ class Scene(metaclass=_Class):
         name: str | None = ...,
         tolerance: Tolerance | None = ...,
         parameters: Mapping[str, float] | None = ...,
+        confidence: _ConfidenceLevel | None = ...,
     ) -> Scene: ...
     @property
     def kept(self) -> KeptModes | None: ...
@@ -270,6 +272,8 @@ class Scene(metaclass=_Class):
     def drift(self) -> float: ...
     @property
     def jitter(self) -> float: ...
+    @property
+    def confidence(self) -> _ConfidenceLevel: ...
     def machine_time(self, t: float) -> float: ...
     def gaps(self, t: npt.ArrayLike, q: npt.ArrayLike) -> _Numbers: ...
     @property

@@ -391,6 +391,15 @@ ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, d
   return parameters;
 }
 
+ConfidenceLevel to_confidence(const std::string& given) {
+  using enum ConfidenceLevel;
+  for (const ConfidenceLevel level : {low, medium, high}) {
+    if (given == name(level)) return level;
+  }
+  throw std::invalid_argument("confidence is \"" + given +
+                              "\"; must be \"low\", \"medium\" or \"high\"");
+}
+
 std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& master,
                                 const std::optional<State>& replica,
                                 const std::optional<NumberOrVector>& uncertainty,
@@ -398,7 +407,8 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
                                 std::optional<double> jitter,
                                 const std::optional<std::string>& name,
                                 const std::optional<Tolerance>& tolerance,
-                                const std::optional<std::map<std::string, double>>& parameters) {
+                                const std::optional<std::map<std::string, double>>& parameters,
+                                const std::optional<std::string>& confidence) {
   const Eigen::Index f = scene.model.coordinates();
   auto changed = std::make_shared<Scene>(scene);
   Prior& prior = changed->prior;
@@ -430,6 +440,7 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
   if (name) changed->name = *name;
   if (tolerance) prior.tolerance = *tolerance;
   if (parameters) prior.parameters = uncertain(scene, *parameters);
+  if (confidence) prior.confidence = to_confidence(*confidence);
   return changed;
 }
 
@@ -705,6 +716,9 @@ void bind_scene_values(SceneClass& of_scene) {
       .def_property_readonly(
           "jitter", [](const Scene& scene) { return scene.prior.jitter; },
           "Standard deviation of event times [s].")
+      .def_property_readonly(
+          "confidence", [](const Scene& scene) { return name(scene.prior.confidence); },
+          "How sure the filter must be before it is shown: \"low\", \"medium\" or \"high\".")
       .def(
           "machine_time", [](const Scene& scene, double t) { return machine_time(scene.clock, t); },
           py::arg("t"),
@@ -747,9 +761,11 @@ void bind_scene(py::module_& module) {
            py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
            py::arg("jitter") = py::none(), py::arg("name") = py::none(),
            py::arg("tolerance") = py::none(), py::arg("parameters") = py::none(),
+           py::arg("confidence") = py::none(),
            "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
            "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
-           "uncertain parameters, a dict by their keys in scene files. Raises ValueError.")
+           "uncertain parameters, a dict by their keys in scene files; confidence: \"low\", "
+           "\"medium\" or \"high\". Raises ValueError.")
       .def_readonly("name", &Scene::name, "Name for people.")
       .def_property_readonly(
           "kept", [](const Scene& scene) { return scene.kept.get(); },

@@ -37,7 +37,8 @@ SPRAG_MEMBERS(ContactClock, offset, rate)
 SPRAG_MEMBERS(Tolerance, time, restitution, stiffness, damping, force, clearance)
 SPRAG_MEMBERS(Adaptation, free, within, walk)
 SPRAG_MEMBERS(ParameterUncertainty, keys, sigma, correlation, consider)
-SPRAG_MEMBERS(Prior, start, uncertainty, sigma, drift, jitter, tolerance, adaptation, parameters)
+SPRAG_MEMBERS(Prior, start, uncertainty, sigma, drift, jitter, confidence, tolerance, adaptation,
+              parameters)
 SPRAG_MEMBERS(Truth, start, given, release_penetration)
 // Without the reader's remarks, which are about the text of a file.
 template <typename T>

@@ -10,7 +10,6 @@
 #include "sprag/detail/files/output_file.h"
 #include "studies/calibration/machines.h"
 #include "studies/calibration/table.h"
-#include "studies/calibration/thresholds.h"
 
 namespace {
 
@@ -99,15 +98,10 @@ int main(int argc, char** argv) {
                                                                  {"missing", Trouble::missing},
                                                                  {"mixed", Trouble::mixed},
                                                                  {"wrong", Trouble::wrong}}));
-  app.add_option_function<std::vector<std::string>>(
-      "--threshold",
-      [&](const std::vector<std::string>& all) {
-        for (const std::string& each : all) {
-          const std::string wrong = set_threshold(each, options.thresholds);
-          if (!wrong.empty()) throw CLI::ValidationError("--threshold", wrong);
-        }
-      },
-      "NAME=VALUE ...: other thresholds of the filter's track (sprag/detail/filter/track.h)");
+  using enum sprag::ConfidenceLevel;
+  app.add_option("--confidence", options.confidence, "low, medium or high, as in scene files")
+      ->transform(CLI::CheckedTransformer(std::map<std::string, sprag::ConfidenceLevel>{
+          {name(low), low}, {name(medium), medium}, {name(high), high}}));
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   app.add_flag("--json", arguments.json, "Print one JSON array instead of a table");
   app.add_option("--csv", arguments.csv, "Also write the rows here");

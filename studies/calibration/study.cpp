@@ -48,12 +48,12 @@ bool in_second_half(Eigen::Index sample, const Truth& truth) {
 
 }  // namespace
 
-Trial follow(EstimatorKind kind, const TrackThresholds& thresholds, const Scene& given,
-             const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
+Trial follow(EstimatorKind kind, const Scene& given, const Scene& machine,
+             std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica) {
   const Eigen::Index f = given.model.coordinates();
   const auto& contacts = given.model.contacts;
-  TrackingEstimator estimator(given, truth.tick, kind, thresholds);
+  TrackingEstimator estimator(given, truth.tick, kind);
   const ErrorEnergy energy(machine.model);
   const double start = energy(machine.truth.start.q, machine.truth.start.u, given.prior.start.q,
                               given.prior.start.u)[0];
@@ -256,14 +256,15 @@ void study(const Scene& scene, const std::vector<double>& jitters,
                                            std::vector<Trial>(static_cast<std::size_t>(seeds)));
     in_parallel(options.threads, seeds, [&](int i) {
       const auto& [machine, path] = paths[static_cast<std::size_t>(i) % paths.size()];
-      const Scene given = reported_of(machine, jitter, options, i + 1);
+      Scene given = reported_of(machine, jitter, options, i + 1);
+      given.prior.confidence = options.confidence;
       const auto events = common::disturb(
           path.events, disturbance(jitter, options.trouble, path, machine.model.contacts.size()),
           contacts, path.duration, static_cast<std::uint64_t>(i) + 1);
       const std::vector<double> V_replica = follow_replica(given, machine, events, path);
       for (std::size_t j = 0; j < estimators.size(); ++j) {
         trials[j][static_cast<std::size_t>(i)] =
-            follow(estimators[j], options.thresholds, given, machine, events, path, V_replica);
+            follow(estimators[j], given, machine, events, path, V_replica);
       }
     });
     for (std::size_t j = 0; j < estimators.size(); ++j) {

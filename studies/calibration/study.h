@@ -10,7 +10,6 @@
 
 #include "sprag/confidence.h"
 #include "sprag/detail/estimates/estimator.h"
-#include "sprag/detail/filter/track.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/scene.h"
 #include "studies/calibration/statistics.h"
@@ -41,7 +40,7 @@ struct Options {
   int samples = 800;      ///< of the errors, over the whole duration
   Start start = Start::scene;
   Trouble trouble = Trouble::none;
-  TrackThresholds thresholds;
+  ConfidenceLevel confidence = ConfidenceLevel::high;
   int threads = 2;
 };
 
@@ -75,8 +74,8 @@ void run(E& estimator, typename E::State& state, std::span<const ContactEvent> e
 
 /// One run. `given` is the scene of the estimator, with its specified jitter and start; `events`
 /// are in order of arrival.
-Trial follow(EstimatorKind estimator, const TrackThresholds& thresholds, const Scene& given,
-             const Scene& machine, std::span<const ContactEvent> events, const Truth& truth,
+Trial follow(EstimatorKind estimator, const Scene& given, const Scene& machine,
+             std::span<const ContactEvent> events, const Truth& truth,
              const std::vector<double>& V_replica);
 
 /// V of the replica at the samples.

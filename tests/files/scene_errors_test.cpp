@@ -81,7 +81,9 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
        {"u = []", "penetration = \"release\"",
         "x.toml:25:1: unknown key replica.penetration; must be one of q, u, restitution, "
         "uncertainty, "
-        "sigma_q, sigma_u, drift"}});
+        "sigma_q, sigma_u, drift, confidence"},
+       {"u = []", "confidence = \"sure\"",
+        "x.toml:25:14: replica.confidence is \"sure\"; must be \"high\", \"medium\" or \"low\""}});
   expect_errors(
       system_text,
       {{"K =", "k =", "x.toml:4:1: unknown key system.k; did you mean K?"},

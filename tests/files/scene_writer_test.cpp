@@ -76,6 +76,7 @@ Bits bits_of(const Scene& scene) {
   bits.push_back(scene.truth.release_penetration ? 1 : 0);
   add(bits, scene.prior.uncertainty);
   add(bits, scene.prior.drift);
+  bits.push_back(static_cast<std::uint64_t>(scene.prior.confidence));
   add(bits, scene.prior.jitter);
   add(bits, scene.clock.offset);
   add(bits, scene.clock.rate);
@@ -211,6 +212,7 @@ TEST(SceneWriter, RandomMachinesRoundTripBitForBit) {
     scene.prior.start = random_state(random, scene.model);
     scene.prior.start.u[0] = -0.0;
     scene.prior.drift = random.log_uniform(1e-300, 1e300);
+    scene.prior.confidence = static_cast<ConfidenceLevel>(i % 3);
     scene.prior.jitter = random.chance(0.5) ? 0.0 : random.log_uniform(1e-9, 1.0);
     if (random.chance(0.5)) {
       scene.clock = {.offset = random.uniform(-1.0, 1.0), .rate = random.log_uniform(1e-3, 1e3)};

@@ -407,6 +407,14 @@ class ScenesTest(unittest.TestCase):
         )
         self.assertEqual(sprag.parse_scene(sprag.to_toml(truth)).f, 2)
 
+    def test_confidence_is_one_of_three_levels(self):
+        scene = rig(jitter=1e-4)
+        self.assertEqual(scene.confidence, "high")
+        low = scene.replace(confidence="low")
+        self.assertEqual(sprag.parse_scene(sprag.to_toml(low)).confidence, "low")
+        with self.assertRaisesRegex(ValueError, 'is "sure"; must be "low", "medium" or "high"'):
+            scene.replace(confidence="sure")
+
     def test_frame_and_damping_are_those_of_a_file(self):
         text = """[system]
 M = [[1.0, 0.2], [0.2, 0.8]]

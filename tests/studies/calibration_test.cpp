@@ -10,6 +10,7 @@
 #include <sstream>
 #include <string>
 #include <string_view>
+#include <tuple>
 
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -291,6 +292,41 @@ TEST(CalibrationStudy, FilterReportsLostAndSpuriousEvents) {
     }
   }
   std::cout << "at most " << 100.0 * worst << " % claimed and wrong\n";
+}
+
+// A lower confidence claims more ticks under lost events, of which more are wrong, and has a lower
+// error; with the machine's own events it changes nothing.
+TEST(CalibrationStudy, ConfidenceTradesClaimsForErrors) {
+  const auto figures = [](Trouble trouble, ConfidenceLevel confidence) {
+    Options options;
+    options.seeds = 2;
+    options.samples = 200;
+    options.trouble = trouble;
+    options.confidence = confidence;
+    NormalizedErrors errors;
+    double log_V = 0.0;
+    for (const Scene& scene : machines("random:1-12")) {
+      study(scene, {1e-4}, {EstimatorKind::both}, options, [&](const Row& row) {
+        errors.add(row.summary.state);
+        log_V += std::log10(std::max(row.summary.V / row.summary.V_replica, 1e-12));
+      });
+    }
+    const auto claimed = static_cast<double>(errors.count());
+    const double share = claimed / (claimed + static_cast<double>(errors.unknown()));
+    std::cout << name(confidence) << ": claimed " << share << ", beyond 3 sigma " << errors.beyond()
+              << ", mean log10 of V over the replica's " << log_V / 12.0 << '\n';
+    return std::tuple(share, errors.beyond(), log_V / 12.0);
+  };
+  const auto [high, high_beyond, high_V] = figures(Trouble::missing, ConfidenceLevel::high);
+  const auto [medium, medium_beyond, medium_V] = figures(Trouble::missing, ConfidenceLevel::medium);
+  const auto [low, low_beyond, low_V] = figures(Trouble::missing, ConfidenceLevel::low);
+  EXPECT_GT(medium, 1.3 * high);
+  EXPECT_GT(low, 1.1 * medium);
+  EXPECT_LT(high_beyond, 0.01);
+  EXPECT_LT(low_beyond, 0.05);
+  EXPECT_LT(low_V, high_V - 1.0);
+  EXPECT_NEAR(std::get<0>(figures(Trouble::none, ConfidenceLevel::low)),
+              std::get<0>(figures(Trouble::none, ConfidenceLevel::high)), 0.01);
 }
 
 TEST(CalibrationStudy, ReplicaIsEvaluatedAtSamples) {

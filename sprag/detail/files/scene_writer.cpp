@@ -172,6 +172,7 @@ void add_replica(std::string& text, const Scene& scene) {
     add(text, "sigma_u", scene.prior.sigma->u);
   }
   add(text, "drift", scene.prior.drift);
+  text += "confidence = " + in_quotes(name(scene.prior.confidence)) + "\n";
 }
 
 void add_adaptation(std::string& text, const Scene& scene) {

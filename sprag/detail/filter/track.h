@@ -8,6 +8,8 @@
 
 #include <cstdint>
 
+#include "sprag/confidence.h"
+
 namespace sprag {
 
 enum class TrackStatus : std::int8_t {
@@ -20,28 +22,30 @@ enum class TrackStatus : std::int8_t {
 /// in 10^11 events.
 inline constexpr double largest_innovation = 45.0;
 
-/// The effect of each threshold is measured in docs/measurements/robustness.md.
-struct TrackThresholds {
-  double innovation = largest_innovation;
-  /// Gate of the mean normalized innovation squared over about `window` events, exceeded once in
-  /// 10^7 events.
-  double mean_innovation = 4.0;
-  double window = 16.0;
-  /// Events that must fit before confirmation, besides the 2f that determine the state. Each
-  /// failure of a confirmed track doubles the number, up to `longest_trial`. It returns to `trial`
-  /// after 8 times as many fitting events.
-  std::int64_t trial = 8, longest_trial = 1024;
-  /// `adaptive` accepts an identification if the expected energy of its error is below this share
-  /// of the energy of the replica's motion.
-  double energy_to_accept = 0.25;
-  /// Least factor of covariance inflation after a failure before confirmation. The factor is the
-  /// root of the normalized innovation squared, at least this.
-  double least_inflation = 4.0;
-  /// Classification of a gate failure. A missing event: the gap was negative for more than
-  /// `long_inside` of the flight and below -`far` times the machine's displacements. A spurious
-  /// event: the gap exceeds `far` times the displacements, and no zero crossing is near.
-  /// `long_inside` is also the share of the flight after which an overdue impact counts as missing.
-  double far = 0.05, long_inside = 0.05;
-};
+/// Gate of the mean normalized innovation squared over about `innovation_window` events, exceeded
+/// once in 10^7 events.
+inline constexpr double largest_mean_innovation = 4.0;
+inline constexpr double innovation_window = 16.0;
+
+/// Events that must fit before confirmation, besides the 2f that determine the state. Each failure
+/// of a confirmed track doubles the number, up to `longest_trial`. It returns after 8 times as many
+/// fitting events.
+constexpr std::int64_t trial_of(ConfidenceLevel level) {
+  switch (level) {
+    case ConfidenceLevel::low:
+      return 1;
+    case ConfidenceLevel::medium:
+      return 2;
+    default:
+      return 8;
+  }
+}
+inline constexpr std::int64_t longest_trial = 1024;
+
+/// Classification of a gate failure. A missing event: the gap was negative for more than this share
+/// of the flight, and below minus this share of the machine's displacements. A spurious event: the
+/// gap exceeds this share of the displacements, and no zero crossing is near. Also the share of the
+/// flight after which an overdue impact counts as missing.
+inline constexpr double clear_share = 0.05;
 
 }  // namespace sprag

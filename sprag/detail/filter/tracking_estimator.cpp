@@ -15,6 +15,9 @@ namespace {
 
 // After refused identifications a window grows up to this number of events, then it moves on.
 constexpr std::int64_t longest_window = 160;
+// `adaptive` accepts an identification if the expected energy of its error is below this share of
+// the energy of the replica's motion.
+constexpr double energy_to_accept = 0.25;
 
 bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
@@ -22,11 +25,10 @@ bool has_filter(EstimatorKind kind) { return kind != EstimatorKind::replica; }
 
 static_assert(Estimator<TrackingEstimator>);
 
-TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind,
-                                     TrackThresholds thresholds)
+TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind kind)
     : replica_(scene, h),
       kind_(kind),
-      thresholds_(thresholds),
+      trial_(trial_of(scene.prior.confidence)),
       identifies_(kind == EstimatorKind::adaptive) {
   if (!has_filter(kind)) return;
   if (identifies_) {
@@ -61,7 +63,7 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state.chi = chi;
   state.window.closed = chi;
   state.window.begins = tick_instant(k, h()).hi;
-  state.track.trial = thresholds_.trial;
+  state.track.trial = trial_;
   if (!filter_) return;
   state.silence.last_received = state.window.begins;
   state.silence.last_flight = filter_->first_flight;
@@ -314,9 +316,9 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   const bool separable = filter.filter.can_separate(events, next);
   const bool taken = separable && filter.filter.take(events, next);
   if (!separable || !filter.flight->can_hold(next.held)) return lose(state);
-  state.track.mean_square += (next.square - state.track.mean_square) / thresholds_.window;
-  if (!taken || !(next.square < thresholds_.innovation) ||
-      !(state.track.mean_square < thresholds_.mean_innovation)) {
+  state.track.mean_square += (next.square - state.track.mean_square) / innovation_window;
+  if (!taken || !(next.square < largest_innovation) ||
+      !(state.track.mean_square < largest_mean_innovation)) {
     const Inconsistency inconsistency{event.t, next.innovation.contact,
                                       suspicion(*state.belief, next), next.square};
     const bool single = events.size() == 1 && event.kind == ContactEventKind::pulse;
@@ -331,7 +333,7 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   if (!add_belief(next, state)) return lose(state);
   ++state.track.fitting;
   note_energy(state);
-  if (state.track.fitting >= 8 * state.track.trial) state.track.trial = thresholds_.trial;
+  if (state.track.fitting >= 8 * state.track.trial) state.track.trial = trial_;
   if (scale_is_lost(state) || state.track.fitting < to_confirm(state)) return;
   state.track.status = TrackStatus::confirmed;
   state.track.inflation = 1.0;
@@ -349,14 +351,14 @@ std::int64_t TrackingEstimator::to_confirm(const TrackingState& state) const {
   return 2 * static_cast<std::int64_t>(filter_->flight->n()) + state.track.trial;
 }
 
-// Classifies a gate failure (TrackThresholds): an event near a zero crossing, in place or in time,
+// Classifies a gate failure (clear_share): an event near a zero crossing, in place or in time,
 // is not spurious.
 Suspicion TrackingEstimator::suspicion(const FilterBelief& before, const FilterBelief& after) {
   const Innovation& innovation = after.innovation;
   const SceneFilter::LastFlight flight =
       filter_->last_flight(innovation.contact, innovation.t, before);
-  const double far = thresholds_.far * std::max(after.length, flight.highest);
-  if (flight.inside > thresholds_.long_inside && flight.lowest < -far) {
+  const double far = clear_share * std::max(after.length, flight.highest);
+  if (flight.inside > clear_share && flight.lowest < -far) {
     return Suspicion::missing_event;
   }
   const bool is_near = flight.ends_near || innovation.gap <= far;
@@ -402,10 +404,10 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
   ++state.inconsistencies;
   state.last = inconsistency;
   if (state.track.status == TrackStatus::confirmed) {
-    state.track.trial = std::min(2 * state.track.trial, thresholds_.longest_trial);
+    state.track.trial = std::min(2 * state.track.trial, longest_trial);
   }
   if (!confirmed) {
-    state.track.inflation *= std::max(std::sqrt(inconsistency.square), thresholds_.least_inflation);
+    state.track.inflation *= std::sqrt(std::max(inconsistency.square, largest_mean_innovation));
     if (runs_ != nullptr && !runs_->empty()) runs_->back().failed = true;
   }
   lose(state);
@@ -478,8 +480,7 @@ void TrackingEstimator::look(double t, TrackingState& state) {
     if (contains(belief.held, state.silence.overdue)) continue;
     const double crossing = filter_->crossing_before(now, state.silence.overdue, belief);
     // The master does not report the impacts of a completed chatter.
-    const double late =
-        thresholds_.long_inside * (crossing - belief.t) + filter.model().chatter_time;
+    const double late = clear_share * (crossing - belief.t) + filter.model().chatter_time;
     state.silence.missing_from = std::max(now, crossing + late);
   }
 }
@@ -569,7 +570,7 @@ void TrackingEstimator::take_result(TrackingState& state) {
   const auto is_accurate = [&] {
     filter_->of_state = of.S.topRows(2 * filter_->flight->n());
     const double of_error = filter_->flight->twice_energy(filter_->of_state);
-    return of_error < thresholds_.energy_to_accept * note_energy(state);
+    return of_error < energy_to_accept * note_energy(state);
   };
   if (!result_->accepted || !is_accurate()) {
     state.window.size += state.window.size / 2;

@@ -11,7 +11,7 @@
 //
 // * While the track is confirmed, the estimate is the filter's.
 // * The filter rejects one spurious event and bridges one missing event of a confirmed track.
-// * While an event is overdue, no sigma is claimed. An impact that stays away for `long_inside` of
+// * While an event is overdue, no sigma is claimed. An impact that stays away for `clear_share` of
 //   the flight's duration is missing.
 // * After any other gate failure the track is lost. `both` and `adaptive` then show the replica.
 //   The filter resets its state to the replica's, at this event or at the next one.
@@ -81,7 +81,7 @@ struct Track {
   std::int64_t trial = 0;    ///< events that must fit before confirmation, besides 2f
   /// Inflation factor of the prior standard deviations at the next reset, >= 1.
   double inflation = 1.0;
-  /// Exponential mean of the normalized innovations squared (TrackThresholds::window).
+  /// Exponential mean of the normalized innovations squared (innovation_window).
   double mean_square = 1.0;
   double energy = 0.0;  ///< twice the energy of the replica's motion, its largest value so far
 };
@@ -112,8 +112,7 @@ class TrackingEstimator {
   /// \param h        interval of the ticks, > 0 [s]
   /// \throws ModelError             also if parameters are uncertain and the damping is not modal
   /// \throws std::invalid_argument  for an unknown key in scene.prior.adaptation
-  TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both,
-                    TrackThresholds thresholds = {});
+  TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both);
 
   void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state);
   void tick(std::span<const ContactEvent> events, TrackingState& state);
@@ -227,7 +226,7 @@ class TrackingEstimator {
 
   Replica replica_;
   EstimatorKind kind_;
-  TrackThresholds thresholds_;
+  std::int64_t trial_;  // before confirmation, without failures
   bool identifies_ = false;
   std::unique_ptr<SceneFilter> filter_;
   // Ring of events by their number, if parameters are identified. It holds the events of a task and
