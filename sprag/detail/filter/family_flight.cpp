@@ -155,7 +155,7 @@ void FamilyFlight::along_records(double t, double tau, Variant& variant, const M
     }
     set_recorded(from);
     move(from, from == t && to == end ? tau : to - from, from != t && to != end);
-    if (to == end) break;
+    if (!(forwards ? to < end : to > end)) break;  // also if end is not a number
     for (InputCursor& cursor : cursors_) {
       if (cursor.next() == to) cursor.pass();
     }
