@@ -586,6 +586,7 @@ class PageTest(BrowserCase):
             page.js("document.getElementById('connection').dataset.state"), "connected"
         )
         # The observer ends, and starts again.
+        page.wait("its health, once a second", "sprag.health && sprag.health.observer")
         self.end(self.observer, signal.SIGKILL)
         page.wait("the observer's silence", "sprag.health.observer.age > 1.5")
         self.start("OBSERVER", scene(), "--tick", "0.005")
