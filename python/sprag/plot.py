@@ -414,13 +414,17 @@ def draw(
         scene: turns states into gaps, a :class:`sprag.Scene`. Without it coordinates are shown.
         show: names of panels, in this order; default: as many as are legible.
         begin, end: the time that is shown [s].
-        zoom: shows all panels but V in this time only, beside the whole V.
+        zoom: shows all panels but V in this time only, beside the whole V. Without `begin`, `end` and
+            `zoom` a part is chosen where the whole motion would be a solid block.
         title: in place of the scene's name.
     """
     panels = Panels(runs, None if scene is None else machine_of(scene))
     name = panels.machine.name if panels.machine is not None else ""
     span = within(panels.span, begin, end)
-    return figure_of(panels.chosen(show), span, zoom=zoom, title=title or name)
+    chosen = panels.chosen(show)
+    if zoom is None and begin is None and end is None:
+        zoom = panels.zoom(chosen, span)
+    return figure_of(chosen, span, zoom=zoom, title=title or name)
 
 
 def within(span: Span, begin: float | None, end: float | None) -> Span:
