@@ -402,7 +402,7 @@ Coefficients lower_bound(const Expansion& e, int order, double omitted) {
 
 // phi / x^order for x = s H, s in [0, 1]: sum_j c_j s^j, j = 0..n, up to an error of at most
 // remainder s^(n+1).
-struct Stretch {
+struct Scaled {
   double H;
   int n;
   Coefficients c{};
@@ -410,8 +410,8 @@ struct Stretch {
 };
 
 // Rescales `lower` from x to s as well.
-Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
-  Stretch phi{H, degree - order};
+Scaled scaled(const Expansion& e, int order, double H, Coefficients& lower) {
+  Scaled phi{H, degree - order};
   double power = 1.0;
   for (int j = 0; j <= phi.n; ++j) {
     phi.c[index(j)] = e.a[index(j) + index(order)] * power;
@@ -426,7 +426,7 @@ Stretch stretch(const Expansion& e, int order, double H, Coefficients& lower) {
 // Newton's method for a root of the polynomial just after `low`. Near it the remainder has hardly
 // any effect. Returns the root if the remainder moves it by less than the resolution of time, else
 // infinity.
-double accepted_root(const Stretch& phi, double low, Sample at, double resolution) {
+double accepted_root(const Scaled& phi, double low, Sample at, double resolution) {
   const auto error = [&phi](double s, double slope) {
     double size = phi.remainder * phi.H;
     for (int j = 0; j <= phi.n; ++j) size *= s;
@@ -460,7 +460,7 @@ Verdict judge(const Expansion& e, int order, double omitted, double now, double 
   const double in_sight = visible_root(lower, H);
   if (in_sight < infinity) H = in_sight;
 
-  const Stretch phi = stretch(e, order, H, lower);
+  const Scaled phi = scaled(e, order, H, lower);
   const Coefficients b = bernstein::from_power(lower);
   const bool positive = *std::min_element(b.begin(), b.end()) > 0.0;
   double low = positive ? infinity : bernstein::first_root(b);
