@@ -14,7 +14,7 @@ namespace {
 // The master holds contacts that open with a velocity of about their acceleration times a chatter's
 // remainder, and moves touching contacts to their supports. Factor on both effects.
 constexpr double tolerated = 8.0;
-constexpr double window = 16.0;  // duration of a joint chatter, in remainders
+constexpr double joint_chatter = 16.0;  // duration of a joint chatter, in remainders
 
 /// Finds Lambda such that z + G Lambda is the nearest point to z with gamma >= 0, and gamma = 0 in
 /// the rows `held`.
@@ -151,7 +151,7 @@ double ImpactRemainder::at_several(const ImpactContacts& contacts, const Motion&
       std::min(departure(closed & contacts.after & outside), d + share * rest * acceleration());
   // Contacts of a joint chatter are completed with a remaining gap.
   const bool wedge = std::popcount(contacts.closing) > 1;
-  const double gap = wedge ? window * rest * std::sqrt(2.0 * energy_) : 0.0;
+  const double gap = wedge ? joint_chatter * rest * std::sqrt(2.0 * energy_) : 0.0;
   return std::max(d, pulled) + share * metric_->omega_max() * (gap + shift(closed, motion));
 }
 
