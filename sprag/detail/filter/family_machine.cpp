@@ -5,6 +5,7 @@
 #include <complex>
 #include <utility>
 
+#include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
@@ -13,15 +14,6 @@ namespace sprag {
 namespace {
 
 using Complex = std::complex<double>;
-
-Complex amplitude(const Harmonic& harmonic) {
-  return std::polar(harmonic.amplitude, harmonic.phase);
-}
-
-// A harmonic of frequency zero is a constant.
-double constant_part(const Harmonic& harmonic) {
-  return harmonic.frequency == 0.0 ? amplitude(harmonic).real() : 0.0;
-}
 
 const Harmonic& harmonic_of(const HarmonicGroup& group, const Model& model) {
   return group.forces.empty()
@@ -165,11 +157,11 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
     const Complex turn = std::polar(1.0, -Omega * shift);
     machine.frequencies[h] = Omega;
     for (const int j : group.forces) {
-      const Complex force = amplitude(model.forces[number(j)].harmonic) / square(scale);
+      const Complex force = complex_amplitude(model.forces[number(j)].harmonic) / square(scale);
       machine.forces.col(h) += (turn * force) * directions_.col(j);
     }
     for (const int i : group.contacts) {
-      machine.motions(i, h) = turn * amplitude(model.contacts[number(i)].motion);
+      machine.motions(i, h) = turn * complex_amplitude(model.contacts[number(i)].motion);
     }
     for (Eigen::Index i = 0; uncoupled_ && i < n(); ++i) {
       machine.response(i, h) =

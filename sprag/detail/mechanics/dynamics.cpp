@@ -14,17 +14,8 @@ namespace {
 
 using std::complex;
 
-complex<double> amplitude(const Harmonic& harmonic) {
-  return std::polar(1.0, harmonic.phase) * harmonic.amplitude;
-}
-
 bool oscillates(const Harmonic& harmonic) {
   return harmonic.amplitude != 0.0 && harmonic.frequency != 0.0;
-}
-
-// A harmonic of frequency zero is a constant.
-double constant_part(const Harmonic& harmonic) {
-  return harmonic.frequency == 0.0 ? amplitude(harmonic).real() : 0.0;
 }
 
 Eigen::VectorXd distinct_frequencies(const Model& model) {
@@ -59,6 +50,14 @@ void check_sizes(const Model& model) {
 
 }  // namespace
 
+complex<double> complex_amplitude(const Harmonic& harmonic) {
+  return std::polar(1.0, harmonic.phase) * harmonic.amplitude;
+}
+
+double constant_part(const Harmonic& harmonic) {
+  return harmonic.frequency == 0.0 ? complex_amplitude(harmonic).real() : 0.0;
+}
+
 Dynamics::Dynamics(Model model) : model_(std::move(model)) {
   check_sizes(model_);
   const Eigen::Index f = coordinates();
@@ -76,7 +75,7 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     force_constant_ += force.direction * (force.constant + constant_part(force.harmonic));
     if (oscillates(force.harmonic)) {
       force_amplitudes_.col(index_of(force.harmonic.frequency)) +=
-          force.direction * amplitude(force.harmonic);
+          force.direction * complex_amplitude(force.harmonic);
     }
   }
 
@@ -88,7 +87,7 @@ Dynamics::Dynamics(Model model) : model_(std::move(model)) {
     W_.col(i) = contact.w;
     offsets_[i] = contact.clearance + constant_part(contact.motion);
     if (oscillates(contact.motion)) {
-      motion_amplitudes_(i, index_of(contact.motion.frequency)) = amplitude(contact.motion);
+      motion_amplitudes_(i, index_of(contact.motion.frequency)) = complex_amplitude(contact.motion);
     }
   }
 

@@ -4,11 +4,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <complex>
 
 #include "sprag/detail/mechanics/sampled_inputs.h"
 #include "sprag/model.h"
 
 namespace sprag {
+
+/// A of the harmonic Re(A e^(i Omega t)). The real amplitude may be negative.
+std::complex<double> complex_amplitude(const Harmonic& harmonic);
+/// Its constant value if its frequency is zero, else 0.
+double constant_part(const Harmonic& harmonic);
 
 /// Affine function of the physical state: a^T q + b^T u + constant + Re sum_j h_j e^(i Omega_j t) +
 /// chain^T d, where d are the derivatives of all sampled inputs (sampled_inputs.h).
