@@ -165,13 +165,14 @@ void FamilyFlight::along_records(double t, double tau, Variant& variant, const M
 }
 
 // Moves the motion of uncoupled modes without their steady response.
-void FamilyFlight::move_free(double part, Variant& variant) const {
+void FamilyFlight::move_free(double part, const std::vector<OscillatorStep>& steps,
+                             Variant& variant) const {
   const FamilyMachine& machine = variant.machine;
   for (Eigen::Index i = 0; i < n(); ++i) {
     double& y = variant.x[i];
     double& u = variant.x[n() + i];
     if (variant.recorded.empty()) {
-      variant.steps[static_cast<std::size_t>(i)].apply(machine.constant_force[i], y, u);
+      steps[static_cast<std::size_t>(i)].apply(machine.constant_force[i], y, u);
       continue;
     }
     PolynomialForce force{machine.constant_force[i]};
@@ -326,13 +327,12 @@ void FamilyFlight::fly(const ConstVector& x, double t, double tau, Variant& vari
   variant.x = x;
   set_phases(t, variant);
   if (in_closed_form(held_)) {
-    if (variant.own_flow || &variant == &centre()) {
-      find_steps(variant.machine, tau, variant.steps);
-    } else {
-      variant.steps = centre().steps;
-    }
+    const bool own = variant.own_flow || &variant == &centre();
+    if (own) find_steps(variant.machine, tau, variant.steps);
+    const std::vector<OscillatorStep>& steps = own ? variant.steps : centre().steps;
     add_steady(-1.0, variant);
-    along_records(t, tau, variant, [&](double, double part, bool) { move_free(part, variant); });
+    along_records(t, tau, variant,
+                  [&](double, double part, bool) { move_free(part, steps, variant); });
     set_phases(t + tau, variant);
     add_steady(1.0, variant);
     return;

@@ -107,7 +107,7 @@ class FamilyFlight final : public Flight {
   void add_steady(double sign, Variant& variant) const;
   void find_steps(const FamilyMachine& machine, double tau,
                   std::vector<OscillatorStep>& steps) const;
-  void move_free(double part, Variant& variant) const;
+  void move_free(double part, const std::vector<OscillatorStep>& steps, Variant& variant) const;
   void move(double part, Transition& with, Variant& variant);
   void close(ContactSet held, Variant& variant) const;
   void close(ContactSet held, Columns dx) const;

@@ -110,7 +110,7 @@ class TrackingEstimator {
   using State = TrackingState;
 
   /// \param h        interval of the ticks, > 0 [s]
-  /// \throws ModelError             also if parameters are uncertain and the damping is not modal
+  /// \throws ModelError             if the machine has no exact flow
   /// \throws std::invalid_argument  for an unknown key in scene.prior.adaptation
   TrackingEstimator(const Scene& scene, double h, EstimatorKind kind = EstimatorKind::both);
 
