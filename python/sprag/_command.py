@@ -159,6 +159,16 @@ def choose(given: str, choices: Sequence[str]) -> str:
     return f"{given}; choose {head + ' or ' if head else ''}{choices[-1]}"
 
 
+def finite_number(value: object) -> float | None:
+    """A finite number of a JSON text; None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:
+        return None
+
+
 def printable(text: str) -> str:
     """`text` as one line without characters that a terminal would interpret."""
     return "".join(_escaped(character) for character in text)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._command import Labelled, UsageError, is_scene, scene_file
+from .._command import Labelled, UsageError, finite_number, is_scene, scene_file
 from .._errors import InputError
 from .._machine import Machine, machine_of, read_machine
 from ..tables import Kind, Table, read_table
@@ -40,13 +40,7 @@ def at(tree: Any, *keys: str | int) -> Any:
 
 def number_at(tree: Any, *keys: str | int) -> float | None:
     """The finite number there; None for anything else."""
-    value = at(tree, *keys)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return float(value) if math.isfinite(value) else None
-    except OverflowError:
-        return None
+    return finite_number(at(tree, *keys))
 
 
 def numbers_at(tree: Any, *keys: str | int) -> list[float]:

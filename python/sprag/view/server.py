@@ -21,7 +21,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from .._command import UsageError
+from .._command import UsageError, finite_number
 from .history import Window
 from .watch import Watch
 
@@ -173,14 +173,14 @@ class Client:
             return
         if not isinstance(said, dict):
             return
-        seen = _number(said, "seen")
+        seen = finite_number(said.get("seen"))
         if seen is not None and 0.0 <= seen < 1e15:
             self.seen = max(self.seen, min(int(seen), self.sent))
         given = said.get("view")
         if not isinstance(given, dict):
             return
         start, end, length, pixels = (
-            _number(given, name) for name in ("from", "to", "window", "pixels")
+            finite_number(given.get(name)) for name in ("from", "to", "window", "pixels")
         )
         view = self.view
         if start is not None and end is not None and start < end:
@@ -220,16 +220,6 @@ class Client:
             parts.append(f'"health":{shared("health", watch.health_text, stage.now)}')
             self.health_sent = wall
         return "{" + ",".join(parts) + "}"
-
-
-def _number(values: dict[str, Any], name: str) -> float | None:
-    value = values.get(name)
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return None
-    try:
-        return float(value) if math.isfinite(value) else None
-    except OverflowError:
-        return None
 
 
 @dataclass
