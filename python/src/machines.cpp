@@ -377,7 +377,6 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
 
 // Standard deviations of parameters by key, without correlation.
 ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, double>& sigmas) {
-  require(!has_sampled_inputs(scene.model), "parameters do not support recorded inputs");
   ParameterUncertainty parameters;
   const auto P = static_cast<Eigen::Index>(sigmas.size());
   parameters.sigma.resize(P);

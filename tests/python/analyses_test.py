@@ -488,6 +488,10 @@ restitution = 0.6
         stronger = shaken.with_values({"excitation.gain": 1.5})
         self.assertNotEqual(stronger, shaken)
         self.assertEqual(stronger.with_values({"excitation.gain": 1.0}), shaken)
+        recorded = shaken.replace(parameters={"excitation.gain": 0.05, "impact.restitution": 0.02})
+        events = sprag.simulate(recorded, 3.0).events
+        sigmas = [sprag.observe(of, events, 3.0).sigma_q[-1, 0] for of in (recorded, shaken)]
+        self.assertGreater(sigmas[0], sigmas[1])
         other = rig().replace(jitter=1e-3, master=sprag.State([0.0, 0.001]), uncertainty=0.4)
         self.assertEqual(other.jitter, 1e-3)
         np.testing.assert_array_equal(other.uncertainty, [0.2, 0.2])
