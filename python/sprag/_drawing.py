@@ -119,18 +119,24 @@ def power_of_ten(exponent: float) -> str:
 
 
 def logarithmic_ticks(axis: Any, low: float, high: float) -> None:
-    """At most eight powers of ten as ticks of an axis that shows `low` to `high`."""
+    """At most eight powers of ten as ticks of an axis that shows `low` to `high`.
+
+    Where fewer than two are in sight: their multiples by 1, 2 and 5, else a few round numbers.
+    """
     from matplotlib import ticker
 
     first, last = np.log10(low), np.log10(high)
     step = next((s for s in (1, 2, 3, 5, 10, 20, 50) if (last - first) / s <= 8), 100)
     exponents = step * np.arange(np.ceil(first / step), np.floor(last / step) + 1)
-    if len(exponents) < 2:
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter("{x:g}")
-        return
-    axis.set_major_locator(ticker.FixedLocator(10.0**exponents))
+    ticks = 10.0**exponents
     axis.set_major_formatter(lambda value, _: power_of_ten(round(np.log10(value))))
+    if len(ticks) < 2:
+        decades = 10.0 ** np.arange(np.floor(first), np.ceil(last) + 1)
+        ticks = np.outer(decades, (1.0, 2.0, 5.0)).ravel()
+        shown = (ticks > (1.0 - 1e-9) * low) & (ticks < (1.0 + 1e-9) * high)
+        ticks = ticks[shown] if shown.sum() > 1 else ticker.MaxNLocator(3).tick_values(low, high)
+        axis.set_major_formatter("{x:g}")
+    axis.set_major_locator(ticker.FixedLocator(ticks))
     axis.set_minor_locator(ticker.NullLocator())
 
 

@@ -477,6 +477,26 @@ class StudyTest(Files):
         at = corners[np.isclose(corners[:, 0], 1e-4), 1]
         np.testing.assert_allclose([at.min(), at.max()], [2e-4, 20e-4])
 
+    def test_ticks_of_a_logarithmic_axis_do_not_overlap(self):
+        for low, high in [(0.3, 4.0), (1e-5, 9e-5), (0.2, 0.21), (12.0, 95.0), (1e-9, 1.0)]:
+            with self.subTest(low=low, high=high), _drawing.style():
+                figure = _drawing.new_figure(2.0, 1.5)
+                axes = figure.add_subplot()
+                axes.set(xscale="log", xlim=(low, high))
+                _drawing.logarithmic_ticks(axes.xaxis, low, high)
+                axes.set_xlim(low, high)
+                figure.canvas.draw()
+                labels = [
+                    text.get_window_extent()
+                    for which in ("major", "minor")
+                    for text in axes.get_xticklabels(which=which)
+                    if text.get_text() and low <= text.get_position()[0] <= high
+                ]
+                self.assertGreater(len(labels), 1)
+                labels.sort(key=lambda box: box.x0)
+                for left, right in zip(labels, labels[1:]):
+                    self.assertLess(left.x1, right.x0)
+
     def test_numbers_of_modes_have_whole_ticks(self):
         figure = self.draw(self.study(["modes"], ["rate"], [(n, 1.0) for n in (1, 2, 3)]))
         self.assertTrue((figure.axes[0].get_xticks() % 1 == 0).all())
