@@ -93,7 +93,9 @@ void bind_publisher(py::module_& module) {
            }),
            py::arg("contacts"), py::kw_only(), py::arg("speed") = 1.0, py::arg("url") = default_url,
            py::arg("key") = py::none())
-      .def("__enter__", [](const py::object& self) { return self; })
+      .def(
+          "__enter__", [](EventPublisher& self) { return &self; },
+          py::return_value_policy::reference_internal)
       .def("__exit__", [](EventPublisher& publisher,
                           const py::args&) { without_lock([&] { publisher.close(); }); })
       .def(

@@ -3,32 +3,56 @@
 import enum
 import importlib.util
 import inspect
+import re
 import subprocess
 import sys
+import tempfile
 import unittest
+from pathlib import Path
 
 import sprag
 
 from support import BUILD, SOURCE
 
 
+USE = """\
+import sprag
+
+scene = sprag.read_scene("paper_beam")
+run = sprag.simulate(scene, 5.0)
+fit = sprag.identify(scene, run.events, free="impact.restitution", within={"system.K": 0.1})
+seen = sprag.observe(scene, [(0.1, 1, 3)], 5.0, tick=0.1).q @ scene.model.M
+ball = sprag.Model([[1.0]], None, [[1.0]], [sprag.Contact([1.0], 0.5)], damping_ratio=0.1)
+with sprag.EventPublisher(1, key=None) as publisher:
+    publisher.take(0.1)
+sprag.smooth(fit.fitted, run.events, 1.0)  # it may be None
+sprag.read_scene(3)
+scene.jitter = 0.1
+publisher.tak(0.1)
+print(scene.excitation.phase)  # it may be None
+"""
+WRONG = [10, 11, 12, 13, 14]
+
+
 @unittest.skipUnless(importlib.util.find_spec("mypy"), "mypy is not installed")
-class StubsTest(unittest.TestCase):
-    def mypy(self, *command: str):
-        return subprocess.run(
-            [sys.executable, "-m", *command], cwd=BUILD / "python", capture_output=True, text=True
-        )
-
-    def test_stubtest(self):
-        allowed = SOURCE / "tests" / "python" / "stubtest_allowlist"
-        done = self.mypy("mypy.stubtest", "sprag._core", "--allowlist", str(allowed))
-        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
-
-    def test_the_package_is_typed(self):
+class TypesTest(unittest.TestCase):
+    def mypy(self, *files: str):
         cache = str(BUILD / "mypy_cache")
         settings = ["--config-file", str(SOURCE / "pyproject.toml"), "--cache-dir", cache]
-        done = self.mypy("mypy", *settings, "sprag")
+        command = [sys.executable, "-m", "mypy", *settings, *files]
+        return subprocess.run(command, cwd=BUILD / "python", capture_output=True, text=True)
+
+    def test_the_package_is_typed(self):
+        done = self.mypy("sprag")
         self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+
+    def test_errors_of_users_are_found(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "use.py"
+            file.write_text(USE)
+            done = self.mypy(str(file))
+        found = [int(line) for line in re.findall(r"use\.py:(\d+): error", done.stdout)]
+        self.assertEqual(found, WRONG, done.stdout + done.stderr)
 
 
 def public_members(of: object) -> list[str]:

@@ -79,8 +79,8 @@ class Player:
             settled = False
             while not settled:
                 estimates, settled = self.observer.settle(TICKS)
-                for estimate in estimates:
-                    watch.take(*estimate, elapsed)
+                for of_estimate, message in estimates:
+                    watch.take(of_estimate, message, elapsed)
                 await pace.wait(elapsed)
         if isinstance(recording, _LogRecording):
             report["unauthenticated"] = recording.unauthenticated
