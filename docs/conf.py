@@ -63,6 +63,8 @@ if (body.dataset.theme === "auto" && asked && background.trim() === "white") {
   body.dataset.theme = "dark";
 }
 """
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_js_files = [(None, {"body": FOLLOW_THE_SYSTEM})]
 
 breathe_projects = {"sprag": os.environ["SPRAG_XML"]}
