@@ -1,6 +1,6 @@
 // Static deflections or steady responses far larger than the motion: soft springs under weight, and
 // excitation at and near resonance. Compared with 50 digits (tests/reference,
-// scripts/reference_corners) and with series of the equation of motion.
+// tests/reference/reference_corners) and with series of the equation of motion.
 #include <gtest/gtest.h>
 
 #include <cmath>
