@@ -43,7 +43,6 @@ def build(stage: Path) -> None:
         "-DSPRAG_STUDIES=OFF",
         "-DSPRAG_TESTS=OFF",
         "-DSPRAG_INSTALL=OFF",
-        "-DSPRAG_BENCHMARKS=OFF",
         "-DSPRAG_PYTHON_DIR=.",
         f"-DPython3_EXECUTABLE={sys.executable}",
         *shlex.split(os.environ.get("CMAKE_ARGS", "")),

@@ -1,4 +1,4 @@
-// stability: writes the curves of failures.h as CSV files, for scripts/stability to draw.
+// stability: writes the curves of failures.h as CSV files, for charts.py to draw.
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iostream>

@@ -46,10 +46,8 @@ enum class Kind { ours, rival, peer };
 struct Method {
   const char* name;  ///< as in the charts
   Kind kind;
-  int order;         ///< nominal order in free flight; 0: exact
   const char* knob;  ///< meaning of `settings`: "step [s]", "tolerance", "stiffness [N/m]"
   std::vector<double> settings;
-  const char* abilities;  ///< one line: abilities and limits
   /// Fills the prepared outcome. Does not throw: a failure is part of the outcome.
   void (*run)(const Task& task, double setting, Outcome& outcome);
 };

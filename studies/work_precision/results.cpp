@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 
 #include "sprag/detail/files/csv.h"
@@ -12,6 +13,18 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+const char* name(Kind kind) {
+  switch (kind) {
+    case Kind::ours:
+      return "ours";
+    case Kind::rival:
+      return "rival";
+    case Kind::peer:
+      return "peer";
+  }
+  return "";
+}
+
 Json known(double value) { return std::isnan(value) ? Json() : Json(value); }
 
 Json row(const std::string& scene, const Method& method, double setting,
@@ -20,7 +33,6 @@ Json row(const std::string& scene, const Method& method, double setting,
   return {{"scene", scene},
           {"method", method.name},
           {"kind", name(method.kind)},
-          {"order", method.order},
           {"knob", method.knob},
           {"setting", setting},
           {"status", measurement.failure.empty() ? "ok" : "failed"},
@@ -72,55 +84,21 @@ std::string csv_line(const Json& row, bool header) {
   return line + '\n';
 }
 
-Json table() {
-  Json all = Json::array();
-  for (const Method& method : methods()) {
-    all.push_back({{"name", method.name},
-                   {"kind", name(method.kind)},
-                   {"order", method.order},
-                   {"knob", method.knob},
-                   {"abilities", method.abilities}});
-  }
-  return all;
-}
-
 }  // namespace
 
-const char* name(Kind kind) {
-  switch (kind) {
-    case Kind::ours:
-      return "ours";
-    case Kind::rival:
-      return "rival";
-    case Kind::peer:
-      return "peer";
-  }
-  return "";
-}
-
-Results::Results(const std::filesystem::path& directory)
-    : json_file_(directory / "work_precision.json"), csv_(directory / "work_precision.csv") {
-  json_["machine"] = environment();
-  json_["methods"] = table();
-  json_["rows"] = Json::array();
+Results::Results(const std::filesystem::path& directory) : csv_(directory / "work_precision.csv") {
+  OutputFile machine(directory / "machine.json");
+  machine.write(environment().dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  if (!machine.close()) throw std::runtime_error(machine.error());
   csv_.write(csv_line(row("", methods().front(), 0.0, {}), true));
   if (!csv_.flush()) throw std::runtime_error(csv_.error());
-  write_json();
 }
 
 void Results::add(const std::string& scene, const Method& method, double setting,
                   const Measurement& measurement) {
-  json_["rows"].push_back(row(scene, method, setting, measurement));
-  csv_.write(csv_line(json_["rows"].back(), false));
+  csv_.write(csv_line(row(scene, method, setting, measurement), false));
   if (!csv_.flush()) throw std::runtime_error(csv_.error());
-  write_json();
-}
-
-void Results::write_json() const {
-  OutputFile file(json_file_);
-  file.write(json_.dump(1, ' ', false, Json::error_handler_t::replace));
-  file.write("\n");
-  if (!file.close()) throw std::runtime_error(file.error());
+  ++rows_;
 }
 
 }  // namespace sprag::work_precision

@@ -1,5 +1,5 @@
 // V <= B for machines and event times within the tolerances; a bound with terms 10 % smaller is
-// violated. SPRAG_BOUND_TRIALS sets the number of trials (scripts/bound_trials).
+// violated. SPRAG_BOUND_TRIALS sets the number of trials.
 #include "tests/bound/bound_trial.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // Machines with several contacts whose chatter ends within the jitter of the event times: the
-// claimed sigma of the state holds. Drawn by scripts/false_certainty.
+// claimed sigma of the state holds. Drawn as in studies/machines.py.
 #include <gtest/gtest.h>
 
 #include <algorithm>

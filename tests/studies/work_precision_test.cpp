@@ -180,7 +180,7 @@ void holds_memory(const Task& task, double, Outcome& outcome) {
 
 Measurement measured(void (*run)(const Task&, double, Outcome&), double timeout = 60.0) {
   const Scene scene = shipped_scene("bouncing_ball");
-  const Method made{"made up", Kind::rival, 1, "none", {0.0}, "", run};
+  const Method made{"made up", Kind::rival, "none", {0.0}, run};
   return measure(made, 0.0, scene.model, scene.truth.start, reference_of(scene),
                  {.timeout = timeout, .timing = 0.01});
 }
