@@ -15,6 +15,7 @@
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/mechanics/state_size.h"
 #include "sprag/detail/replica/penetration.h"
 
 namespace sprag {
@@ -242,6 +243,7 @@ class Observer::Core {
 
 Observer::Observer(const Scene& scene, const ObserverSettings& settings) {
   require_tick(settings.tick);
+  require_size(scene.prior.start, scene.model.coordinates(), "the replica's start");
   core_ = std::make_unique<Core>(scene, settings);
 }
 

@@ -71,8 +71,8 @@ class Observer {
   /// \param scene machine, start and uncertainties.
   /// \param settings tick and estimator.
   /// \throws ModelError if the machine has no exact flow, or the scene has no adaptive estimator.
-  /// \throws std::invalid_argument for a tick that is not > 0, or an unknown key in
-  /// scene.prior.adaptation.
+  /// \throws std::invalid_argument for a tick that is not > 0, a start without f coordinates and
+  /// velocities, or an unknown key in scene.prior.adaptation.
   explicit Observer(const Scene& scene, const ObserverSettings& settings = {});
   ~Observer();
   /// \brief Moves an observer.

@@ -8,6 +8,7 @@
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/state_size.h"
 
 namespace sprag {
 
@@ -20,6 +21,7 @@ Simulation simulate(const Model& model, const State& start, double duration, dou
   if (!(h >= 0.0) || !std::isfinite(h)) {
     throw std::invalid_argument("tick is " + std::to_string(h) + "; must be >= 0");
   }
+  require_size(start, model.coordinates(), "the start");
   Master master(model, start);
   Simulation run;
   const Eigen::Index n = h > 0.0 ? last_tick(duration, h) + 1 : 0;

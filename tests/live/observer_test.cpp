@@ -197,6 +197,14 @@ TEST(Observer, RefusesInvalidSettings) {
   EXPECT_THROW(observe(scene, {}, -1.0), std::invalid_argument);
 }
 
+TEST(Observer, RefusesAStartWithoutVelocities) {
+  Scene scene = scene_of("lab_rig");
+  scene.prior.start.u.resize(0);
+  scene.truth.start.u.resize(0);
+  EXPECT_THROW(Observer(scene, {}), std::invalid_argument);
+  EXPECT_THROW(simulate(scene.model, scene.truth.start, 1.0, 0.0), std::invalid_argument);
+}
+
 // The model built in code equals that of the scene file, bit for bit.
 TEST(BeamInCode, EqualsSceneFileBitForBit) {
   const Scene scene = scene_of("paper_beam");
