@@ -43,6 +43,7 @@ OF_ARGUMENTS = {
 }
 OF_RESULTS = {
     ARRAY: "npt.NDArray[np.float64]",
+    r"numpy\.ndarray\[bool\]": "npt.NDArray[np.bool_]",
     r"\bnumpy\.ndarray\b": "npt.NDArray[Any]",
     r"\bos\.PathLike\b": "Path",
     r"\bIterator\b(?!\[)": "Iterator[Any]",

@@ -166,11 +166,6 @@ PythonIdentification run_identify(const Scene& scene, const py::object& events,
   return long_call([&] { return collected(identify_requested(scene, taken, request)); });
 }
 
-py::array flags(const std::vector<std::uint8_t>& of, const py::object& owner) {
-  return read_only(py::array(py::dtype::of<bool>(), {static_cast<py::ssize_t>(of.size())}, {1},
-                             of.data(), owner));
-}
-
 using IdentificationClass = py::class_<PythonIdentification>;
 
 void bind_fitted_values(IdentificationClass& of_fit) {
@@ -186,11 +181,11 @@ void bind_fitted_values(IdentificationClass& of_fit) {
       .def_property_readonly("high", vector(&Class::high), "Upper ends of the 95 % intervals.")
       .def_property_readonly(
           "determined",
-          [](const py::object& self) { return flags(self.cast<const Class&>().determined, self); },
+          [](const py::object& self) { return view(self.cast<const Class&>().determined, self); },
           "Whether the events determine each parameter.")
       .def_property_readonly(
           "at_bound",
-          [](const py::object& self) { return flags(self.cast<const Class&>().at_bound, self); },
+          [](const py::object& self) { return view(self.cast<const Class&>().at_bound, self); },
           "Whether each value is a physical bound.")
       .def_property_readonly(
           "parameters",
@@ -469,42 +464,30 @@ Smoothed run_smooth(const Scene& scene, const EventList& events, double duration
 }
 
 void bind_smoother(py::module_& module) {
-  const auto rows = [](Rows Smoothed::*member) {
-    return [member](const py::object& self) {
-      return view(self.cast<const Smoothed&>().*member, self);
-    };
-  };
   value_class<SmoothedStretch>(module, "SmoothedStretch", "Part of a recording that is smoothed.")
-      .def_readonly("begin", &SmoothedStretch::from, "[s]")
-      .def_readonly("end", &SmoothedStretch::to, "[s]")
-      .def_readonly("events", &SmoothedStretch::events, "Number of events in it.")
-      .def_readonly("misfit", &SmoothedStretch::misfit,
-                    "Mean normalized innovation squared of its events; about 1 if model, jitter "
-                    "and drift are right.");
+      .get("begin", "[s]", &SmoothedStretch::from)
+      .get("end", "[s]", &SmoothedStretch::to)
+      .get("events", "Number of events in it.", &SmoothedStretch::events)
+      .get("misfit",
+           "Mean normalized innovation squared of its events; about 1 if model, jitter and drift "
+           "are right.",
+           &SmoothedStretch::misfit);
   value_class<Smoothed>(module, "Smoothed",
                         "Estimates from all events before and after each tick. All arrays are "
                         "read-only views; row k is tick k.")
-      .def_property_readonly(
-          "t", [](const py::object& self) { return view(self.cast<const Smoothed&>().t, self); },
-          "Times k h [s], n entries.")
-      .def_property_readonly("q", rows(&Smoothed::q), "Coordinates, n x f.")
-      .def_property_readonly("u", rows(&Smoothed::u), "Velocities, n x f.")
-      .def_property_readonly("sigma_q", rows(&Smoothed::sigma_q),
-                             "Standard deviations of q, n x f.")
-      .def_property_readonly("sigma_u", rows(&Smoothed::sigma_u),
-                             "Standard deviations of u, n x f.")
-      .def_property_readonly("sigma_gap", rows(&Smoothed::sigma_gap),
-                             "Standard deviations of the gaps [m], n x m.")
-      .def_property_readonly("outputs", rows(&Smoothed::outputs),
-                             "The scene's outputs, n x as many.")
-      .def_property_readonly("sigma_outputs", rows(&Smoothed::sigma_outputs),
-                             "Their standard deviations.")
-      .def_property_readonly(
-          "smoothed",
-          [](const py::object& self) { return flags(self.cast<const Smoothed&>().smoothed, self); },
-          "Whether each tick lies in a stretch, n entries; other ticks have the estimate of "
-          "observe().")
-      .def_readonly("stretches", &Smoothed::stretches, "The stretches, in order of time.");
+      .get("t", "Times k h [s], n entries.", &Smoothed::t)
+      .get("q", "Coordinates, n x f.", &Smoothed::q)
+      .get("u", "Velocities, n x f.", &Smoothed::u)
+      .get("sigma_q", "Standard deviations of q, n x f.", &Smoothed::sigma_q)
+      .get("sigma_u", "Standard deviations of u, n x f.", &Smoothed::sigma_u)
+      .get("sigma_gap", "Standard deviations of the gaps [m], n x m.", &Smoothed::sigma_gap)
+      .get("outputs", "The scene's outputs, n x as many.", &Smoothed::outputs)
+      .get("sigma_outputs", "Their standard deviations.", &Smoothed::sigma_outputs)
+      .get("smoothed",
+           "Whether each tick lies in a stretch, n entries; other ticks have the estimate of "
+           "observe().",
+           &Smoothed::smoothed)
+      .get("stretches", "The stretches, in order of time.", &Smoothed::stretches);
   module.def(
       "smooth",
       [](const Scene& scene, const py::object& events, double duration, double tick) {
@@ -515,8 +498,7 @@ void bind_smoother(py::module_& module) {
         const EventList taken = in_order(events, scene, duration);
         return long_call([&] { return run_smooth(scene, taken, duration, tick); });
       },
-      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
-      py::arg("tick") = 0.01,
+      "scene"_a, "events"_a, "duration"_a, py::kw_only(), "tick"_a = 0.01,
       "Estimates at every tick [s] up to duration [s] from all events of a complete recording, "
       "those after the tick included. The scene needs a jitter or uncertain parameters. Raises "
       "sprag.Error if it cannot be smoothed, ModelError or ValueError.");
@@ -592,21 +574,20 @@ void bind_impacts(py::module_& module) {
         for (const ImpactRecord& record : records) rows.push_back(row_of(record));
         return structured(rows);
       },
-      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
-      py::arg("tick") = 0.01, py::arg("estimator") = "both",
+      "scene"_a, "events"_a, "duration"_a, py::kw_only(), "tick"_a = 0.01, "estimator"_a = "both",
       "The impacts of a recording: an array with one entry for each event and the columns of "
       "`observer --impacts` as fields: t [s] as reported, contact (from 1), kind, from_filter; "
-      "time "
-      "[s], velocity_before and velocity_after (of the gap [m/s]), impulse [N s], each with its "
-      "standard deviation `sigma_NAME`, inf where unknown; and for releases (the field sustained) "
-      "force_begin, force_end, force_largest [N] and force_impulse [N s] of the contact that ends, "
-      "else nan. Raises ModelError or ValueError.");
+      "time [s], velocity_before and velocity_after (of the gap [m/s]), impulse [N s], each with "
+      "its standard deviation `sigma_NAME`, inf where unknown; and for releases (the field "
+      "sustained) force_begin, force_end, force_largest [N] and force_impulse [N s] of the contact "
+      "that ends, else nan. Raises ModelError or ValueError.");
   value_class<Prediction>(module, "Prediction", "Predicted contact events of a machine.")
-      .def_readonly("made_at", &Prediction::made_at, "Time of the prediction [s].")
-      .def_readonly("certain_until", &Prediction::certain_until,
-                    "No other event is expected up to here [s].")
-      .def_property_readonly(
+      .get("made_at", "Time of the prediction [s].", &Prediction::made_at)
+      .get("certain_until", "No other event is expected up to here [s].",
+           &Prediction::certain_until)
+      .get(
           "events",
+          "In order of time: an array with the fields t [s], contact (from 1), kind and sigma [s].",
           [](const Prediction& of) {
             std::vector<PredictionRow> rows;
             for (const PredictedEvent& event : of.events) {
@@ -614,9 +595,7 @@ void bind_impacts(py::module_& module) {
                   {event.t, event.contact + 1, static_cast<std::int8_t>(event.kind), event.sigma});
             }
             return structured(rows);
-          },
-          "In order of time: an array with the fields t [s], contact (from 1), kind and sigma "
-          "[s].");
+          });
   module.def(
       "predict",
       [](const Scene& scene, const py::object& events, double t, double ahead, double tick,
@@ -625,8 +604,8 @@ void bind_impacts(py::module_& module) {
         const ObserverSettings settings = to_settings(tick, estimator);
         return long_call([&] { return predict(scene, taken, t, ahead, settings); });
       },
-      py::arg("scene"), py::arg("events"), py::arg("t"), py::arg("ahead"), py::kw_only(),
-      py::arg("tick") = 0.01, py::arg("estimator") = "both",
+      "scene"_a, "events"_a, "t"_a, "ahead"_a, py::kw_only(), "tick"_a = 0.01,
+      "estimator"_a = "both",
       "Predicts the contact events in the time ahead [s] after t [s] from the events up to t. No "
       "events are predicted while the filter is not confirmed. Raises ModelError or ValueError.");
 }
@@ -667,30 +646,21 @@ PythonReductions run_reduce(const Scene& scene, const EventList& events, int mod
 void bind_reduction(py::module_& module) {
   value_class<PythonReduction>(module, "Reduction",
                                "A machine with fewer modes and a correction for the others.")
-      .def_property_readonly(
-          "correction", [](const PythonReduction& of) { return of.reduction.correction; },
-          "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.")
-      .def_property_readonly(
-          "modes", [](const PythonReduction& of) { return of.reduction.modes; },
-          "Number of kept modes.")
-      .def_property_readonly(
-          "static_vectors", [](const PythonReduction& of) { return of.reduction.static_vectors; },
-          "Orders of the static vectors; may be empty.")
-      .def_property_readonly(
-          "rms_gap", [](const PythonReduction& of) { return of.reduction.rms; },
-          "Root mean square of the replica's own gap at the closings [m].")
-      .def_readonly("scene", &PythonReduction::scene, "The reduced scene.");
-  value_class<PythonReductions>(module, "Reductions",
-                                "A sequence of Reduction, the best first. str() is what reduce "
-                                "prints.")
-      .def_property_readonly(
-          "closings", [](const PythonReductions& of) { return of.table.closings; },
-          "Number of closings that count.")
-      .def_property_readonly(
-          "begin", [](const PythonReductions& of) { return of.table.from; },
-          "Begin of the time in which they count [s].")
-      .def_property_readonly(
-          "end", [](const PythonReductions& of) { return of.table.to; }, "Its end [s].")
+      .get("correction", "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.",
+           &PythonReduction::reduction, &Reduction::correction)
+      .get("modes", "Number of kept modes.", &PythonReduction::reduction, &Reduction::modes)
+      .get("static_vectors", "Orders of the static vectors; may be empty.",
+           &PythonReduction::reduction, &Reduction::static_vectors)
+      .get("rms_gap", "Root mean square of the replica's own gap at the closings [m].",
+           &PythonReduction::reduction, &Reduction::rms)
+      .get("scene", "The reduced scene.", &PythonReduction::scene);
+  value_class<PythonReductions>(
+      module, "Reductions", "A sequence of Reduction, the best first. str() is what reduce prints.")
+      .get("closings", "Number of closings that count.", &PythonReductions::table,
+           &ReductionTable::closings)
+      .get("begin", "Begin of the time in which they count [s].", &PythonReductions::table,
+           &ReductionTable::from)
+      .get("end", "Its end [s].", &PythonReductions::table, &ReductionTable::to)
       .def("__len__", [](const PythonReductions& of) { return of.scenes.size(); })
       .def(
           "__getitem__",
@@ -699,7 +669,7 @@ void bind_reduction(py::module_& module) {
             if (k < 0 || k >= std::ssize(of.scenes)) throw py::index_error();
             return of[static_cast<std::size_t>(k)];
           },
-          py::arg("index"))
+          "index"_a)
       .def("__iter__",
            [](const PythonReductions& of) {
              py::list all;
@@ -718,11 +688,11 @@ void bind_reduction(py::module_& module) {
         const EventList taken = in_order(events, scene, duration);
         return long_call([&] { return run_reduce(scene, taken, modes); });
       },
-      py::arg("scene"), py::arg("events"), py::arg("modes"), py::kw_only(),
-      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      "scene"_a, "events"_a, "modes"_a, py::kw_only(),
+      "duration"_a = std::numeric_limits<double>::infinity(),
       "Reduces a scene to its first modes, with each correction for the others that is tried: "
-      "Reductions, the one that follows the events best first. Raises sprag.Error for too "
-      "few events, ModelError or ValueError.");
+      "Reductions, the one that follows the events best first. Raises sprag.Error for too few "
+      "events, ModelError or ValueError.");
 }
 
 }  // namespace

@@ -37,10 +37,14 @@ py::object with_fields(const py::object& events) {
   return triples;
 }
 
-py::array matrix_view(const double* data, Eigen::Index rows, Eigen::Index columns,
-                      py::ssize_t row_stride, py::ssize_t column_stride, py::handle owner) {
+Numbers matrix_view(const double* data, Eigen::Index rows, Eigen::Index columns,
+                    py::ssize_t row_stride, py::ssize_t column_stride, py::handle owner) {
   return read_only(py::array(py::dtype::of<double>(), {rows, columns},
                              {row_stride * item_size, column_stride * item_size}, data, owner));
+}
+
+Numbers vector_view(const double* data, py::ssize_t size, py::handle owner) {
+  return read_only(py::array(py::dtype::of<double>(), {size}, {item_size}, data, owner));
 }
 
 }  // namespace
@@ -50,22 +54,28 @@ py::array read_only(py::array array) {
   return array;
 }
 
-py::array view(const Eigen::VectorXd& values, py::handle owner) {
-  return read_only(
-      py::array(py::dtype::of<double>(), {values.size()}, {item_size}, values.data(), owner));
+Numbers view(const Eigen::VectorXd& values, py::handle owner) {
+  return vector_view(values.data(), values.size(), owner);
 }
 
-py::array view(const std::vector<double>& values, py::handle owner) {
-  return read_only(
-      py::array(py::dtype::of<double>(), {values.size()}, {item_size}, values.data(), owner));
+Numbers view(const std::vector<double>& values, py::handle owner) {
+  return vector_view(values.data(), std::ssize(values), owner);
 }
 
-py::array view(const Rows& rows, py::handle owner) {
+Numbers view(const Rows& rows, py::handle owner) {
   return matrix_view(rows.data(), rows.rows(), rows.cols(), rows.cols(), 1, owner);
 }
 
-py::array view(const Eigen::MatrixXd& matrix, py::handle owner) {
+Numbers view(const Eigen::MatrixXd& matrix, py::handle owner) {
   return matrix_view(matrix.data(), matrix.rows(), matrix.cols(), 1, matrix.rows(), owner);
+}
+
+py::array_t<bool> view(const std::vector<std::uint8_t>& flags, py::handle owner) {
+  return read_only(py::array(py::dtype::of<bool>(), {std::ssize(flags)}, {1}, flags.data(), owner));
+}
+
+std::optional<Numbers> view_or_none(const Eigen::VectorXd& values, py::handle owner) {
+  return values.size() > 0 ? std::optional(view(values, owner)) : std::nullopt;
 }
 
 py::dtype event_dtype() {

@@ -6,6 +6,8 @@
 #include <pybind11/pybind11.h>
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "sprag/contact_event.h"
@@ -13,19 +15,25 @@
 namespace sprag::python {
 
 namespace py = pybind11;
+using namespace py::literals;
 
+using Numbers = py::array_t<double>;
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// The same array, read-only.
 py::array read_only(py::array array);
 
 /// n entries.
-py::array view(const Eigen::VectorXd& values, py::handle owner);
-py::array view(const std::vector<double>& values, py::handle owner);
+Numbers view(const Eigen::VectorXd& values, py::handle owner);
+Numbers view(const std::vector<double>& values, py::handle owner);
 /// n x f, C order.
-py::array view(const Rows& rows, py::handle owner);
+Numbers view(const Rows& rows, py::handle owner);
 /// f x f, Fortran order.
-py::array view(const Eigen::MatrixXd& matrix, py::handle owner);
+Numbers view(const Eigen::MatrixXd& matrix, py::handle owner);
+/// The same as boolean values.
+py::array_t<bool> view(const std::vector<std::uint8_t>& flags, py::handle owner);
+/// Of a vector without entries none.
+std::optional<Numbers> view_or_none(const Eigen::VectorXd& values, py::handle owner);
 
 /// Fields t, contact and kind, in the layout of ContactEvent. In Python contacts count from 1.
 py::dtype event_dtype();

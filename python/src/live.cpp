@@ -72,14 +72,8 @@ class Listener {
   EstimateListener listener_;
 };
 
-auto array_property(std::vector<double> estimate_t::*member) {
-  return [member](const py::object& self) {
-    return view(self.cast<const estimate_t&>().*member, self);
-  };
-}
-
 void bind_publisher(py::module_& module) {
-  py::class_<EventPublisher>(
+  ValueClass<EventPublisher>(
       module, "EventPublisher",
       "Publishes a machine as a master on the bus: takes contact events and maintains session, "
       "numbers, repetition, watermark and heartbeat. contacts: how many the machine has; speed: "
@@ -91,8 +85,8 @@ void bind_publisher(py::module_& module) {
              return without_lock(
                  [&] { return std::make_unique<EventPublisher>(contacts, settings); });
            }),
-           py::arg("contacts"), py::kw_only(), py::arg("speed") = 1.0, py::arg("url") = default_url,
-           py::arg("key") = py::none())
+           "contacts"_a, py::kw_only(), "speed"_a = 1.0, "url"_a = default_url,
+           "key"_a = py::none())
       .def(
           "__enter__", [](EventPublisher& self) { return &self; },
           py::return_value_policy::reference_internal)
@@ -104,72 +98,62 @@ void bind_publisher(py::module_& module) {
             const ContactEvent event = to_event(t, contact, kind, max_contacts);
             return without_lock([&] { return publisher.take(event); });
           },
-          py::arg("t"), py::arg("contact") = 1,
-          py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
+          "t"_a, "contact"_a = 1, "kind"_a = static_cast<int>(ContactEventKind::pulse),
           "Takes an event at t [s] of a contact, from 1, of a ContactEventKind, in any order; it "
           "is sent when the horizon reaches it. False if it is not after the horizon.")
-      .def("set_horizon", &EventPublisher::set_horizon, py::arg("t"),
+      .def("set_horizon", &EventPublisher::set_horizon, "t"_a,
            py::call_guard<py::gil_scoped_release>(),
            "Every event up to t [s] has been taken; never goes back. To be called with the "
            "machine's time at least ten times a second, also while nothing happens.")
       .def("close", &EventPublisher::close, py::call_guard<py::gil_scoped_release>(),
            "Ends the session: the last message is repeated for 0.2 s.")
-      .def_property_readonly("session", &EventPublisher::session, "Random.")
-      .def_property_readonly(
-          "sent", py::cpp_function(&EventPublisher::sent, py::call_guard<py::gil_scoped_release>()),
-          "Messages so far.")
-      .def_property_readonly(
-          "unsent",
-          py::cpp_function(&EventPublisher::unsent, py::call_guard<py::gil_scoped_release>()),
-          "Messages that could not be sent.");
+      .get("session", "Random.", &EventPublisher::session)
+      .get("sent", "Messages so far.",
+           [](EventPublisher& publisher) { return without_lock([&] { return publisher.sent(); }); })
+      .get("unsent", "Messages that could not be sent.", [](EventPublisher& publisher) {
+        return without_lock([&] { return publisher.unsent(); });
+      });
 }
 
 void bind_listener(py::module_& module) {
-  value_class<estimate_t>(module, "LiveEstimate",
-                          "An observer's estimate of one tick, received from the bus. All arrays "
-                          "are read-only views.")
-      .def_readonly("session", &estimate_t::session, "The master's.")
-      .def_readonly("tick", &estimate_t::tick, "Number of the tick, from 0.")
-      .def_readonly("settled_tick", &estimate_t::settled_tick,
-                    "Last tick that is final; -1: none yet.")
-      .def_readonly("t", &estimate_t::t, "Simulated time of the tick [s].")
-      .def_property_readonly("q", array_property(&estimate_t::q), "Coordinates, f entries.")
-      .def_property_readonly("u", array_property(&estimate_t::u), "Velocities, f entries.")
-      .def_property_readonly(
-          "closed",
-          [](const estimate_t& estimate) {
-            return contacts_of(static_cast<ContactSet>(estimate.closed));
-          },
-          "The contacts that are closed, from 1.")
-      .def_property_readonly(
-          "from_filter", [](const estimate_t& estimate) { return estimate.from_filter == 1; },
-          "Whether q and u are the timing filter's; else the replica's.")
-      .def_property_readonly("sigma_q", array_property(&estimate_t::sigma_q),
-                             "Standard deviations of q, f entries; none without a timing filter.")
-      .def_property_readonly("sigma_u", array_property(&estimate_t::sigma_u),
-                             "Standard deviations of u, f entries.")
-      .def_property_readonly("sigma_gap", array_property(&estimate_t::sigma_g),
-                             "Standard deviations of the gaps [m], m entries.")
-      .def_readonly("bound", &estimate_t::bound,
-                    "The replica's V is at most this; inf where nothing guarantees it.");
+  value_class<estimate_t>(
+      module, "LiveEstimate",
+      "An observer's estimate of one tick, received from the bus. All arrays are read-only views.")
+      .get("session", "The master's.", &estimate_t::session)
+      .get("tick", "Number of the tick, from 0.", &estimate_t::tick)
+      .get("settled_tick", "Last tick that is final; -1: none yet.", &estimate_t::settled_tick)
+      .get("t", "Simulated time of the tick [s].", &estimate_t::t)
+      .get("q", "Coordinates, f entries.", &estimate_t::q)
+      .get("u", "Velocities, f entries.", &estimate_t::u)
+      .get("closed", "The contacts that are closed, from 1.",
+           [](const estimate_t& estimate) {
+             return contacts_of(static_cast<ContactSet>(estimate.closed));
+           })
+      .get("from_filter", "Whether q and u are the timing filter's; else the replica's.",
+           [](const estimate_t& estimate) { return estimate.from_filter == 1; })
+      .get("sigma_q", "Standard deviations of q, f entries; none without a timing filter.",
+           &estimate_t::sigma_q)
+      .get("sigma_u", "Standard deviations of u, f entries.", &estimate_t::sigma_u)
+      .get("sigma_gap", "Standard deviations of the gaps [m], m entries.", &estimate_t::sigma_g)
+      .get("bound", "The replica's V is at most this; inf where nothing guarantees it.",
+           &estimate_t::bound);
 
-  py::class_<Listener>(
+  ValueClass<Listener>(
       module, "EstimateListener",
-      "Receives the estimates of observers on the bus: the provisional ones, or with "
-      "settled=True the settled ones, in order. Raises BusError, InputError or ValueError.")
+      "Receives the estimates of observers on the bus: the provisional ones, or with settled=True "
+      "the settled ones, in order. Raises BusError, InputError or ValueError.")
       .def(py::init([](bool settled, const std::string& url,
                        const std::optional<std::filesystem::path>& file) {
              const auto channel = settled ? EstimateChannel::settled : EstimateChannel::now;
              const std::optional<Key> key = to_key(file);
              return without_lock([&] { return std::make_unique<Listener>(channel, url, key); });
            }),
-           py::kw_only(), py::arg("settled") = false, py::arg("url") = default_url,
-           py::arg("key") = py::none())
-      .def("next", &Listener::next, py::arg("timeout") = py::none(),
+           py::kw_only(), "settled"_a = false, "url"_a = default_url, "key"_a = py::none())
+      .def("next", &Listener::next, "timeout"_a = py::none(),
            "The next LiveEstimate; None once timeout [s] is over, if it is given. Other threads "
            "run meanwhile, and Ctrl-C interrupts it.")
-      .def_property_readonly("refused", &Listener::refused,
-                             "Messages that were no estimates, or not made with the key.");
+      .get("refused", "Messages that were no estimates, or not made with the key.",
+           &Listener::refused);
 }
 
 }  // namespace

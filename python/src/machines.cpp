@@ -450,108 +450,82 @@ std::shared_ptr<Scene> with_warnings(Scene scene) {
   return std::make_shared<Scene>(std::move(scene));
 }
 
-template <typename Class>
-auto vector_property(Eigen::VectorXd Class::*member) {
-  return [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
-}
-
-template <typename Class>
-auto matrix_property(Eigen::MatrixXd Class::*member) {
-  return [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
-}
-
 void bind_beam(py::module_& module) {
   value_class<Harmonic>(module, "Harmonic",
                         "amplitude cos(frequency t + phase); frequency >= 0 [rad/s].")
-      .def(py::init(&make_harmonic), py::arg("amplitude") = 0.0, py::arg("frequency") = 0.0,
-           py::arg("phase") = 0.0)
-      .def_readonly("amplitude", &Harmonic::amplitude, "In the unit of the quantity.")
-      .def_readonly("frequency", &Harmonic::frequency, "[rad/s], >= 0.")
-      .def_readonly("phase", &Harmonic::phase, "[rad].");
+      .def(py::init(&make_harmonic), "amplitude"_a = 0.0, "frequency"_a = 0.0, "phase"_a = 0.0)
+      .get("amplitude", "In the unit of the quantity.", &Harmonic::amplitude)
+      .get("frequency", "[rad/s], >= 0.", &Harmonic::frequency)
+      .get("phase", "[rad].", &Harmonic::phase);
 
-  value_class<Beam>(
-      module, "Beam",
-      "Clamped-free Euler-Bernoulli beam by its first modes: length [m], "
-      "bending_stiffness EI [N m^2], mass_per_length [kg/m], damping [N s/m^2] or in its "
-      "place damping_ratio, one number or one each mode.")
-      .def(py::init(&make_beam), py::arg("modes"), py::arg("length") = 1.0,
-           py::arg("bending_stiffness") = 1.0, py::arg("mass_per_length") = 1.0,
-           py::arg("damping") = 0.0, py::arg("damping_ratio") = py::none())
-      .def_readonly("modes", &Beam::modes, "Number n of modes.")
-      .def_readonly("length", &Beam::length, "l [m].")
-      .def_readonly("bending_stiffness", &Beam::bending_stiffness, "EI [N m^2].")
-      .def_readonly("mass_per_length", &Beam::mass_per_length, "rho A [kg/m].")
-      .def_readonly("damping", &Beam::damping, "d [N s/m^2]; 0 where damping_ratio is used.")
-      .def_property_readonly(
-          "damping_ratio",
-          [](const py::object& self) -> py::object {
-            const auto& beam = self.cast<const Beam&>();
-            if (beam.damping_ratio.size() == 0) return py::none();
-            return view(beam.damping_ratio, self);
-          },
-          "Damping ratio of each mode, n entries; None where damping is used.");
+  value_class<Beam>(module, "Beam",
+                    "Clamped-free Euler-Bernoulli beam by its first modes: length [m], "
+                    "bending_stiffness EI [N m^2], mass_per_length [kg/m], damping [N s/m^2] or in "
+                    "its place damping_ratio, one number or one each mode.")
+      .def(py::init(&make_beam), "modes"_a, "length"_a = 1.0, "bending_stiffness"_a = 1.0,
+           "mass_per_length"_a = 1.0, "damping"_a = 0.0, "damping_ratio"_a = py::none())
+      .get("modes", "Number n of modes.", &Beam::modes)
+      .get("length", "l [m].", &Beam::length)
+      .get("bending_stiffness", "EI [N m^2].", &Beam::bending_stiffness)
+      .get("mass_per_length", "rho A [kg/m].", &Beam::mass_per_length)
+      .get("damping", "d [N s/m^2]; 0 where damping_ratio is used.", &Beam::damping)
+      .get(
+          "damping_ratio", "Damping ratio of each mode, n entries; None where damping is used.",
+          [](const Beam& beam, py::handle self) { return view_or_none(beam.damping_ratio, self); });
 }
 
 void bind_model(py::module_& module) {
   value_class<Contact>(module, "Contact",
                        "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
                        "restitution in [0, 1]; w has f entries.")
-      .def(py::init(&make_contact), py::arg("w"), py::arg("restitution"),
-           py::arg("clearance") = 0.0, py::arg("motion") = Harmonic{})
-      .def_property_readonly("w", vector_property(&Contact::w), "Direction, f entries.")
-      .def_readonly("restitution", &Contact::restitution, "In [0, 1].")
-      .def_readonly("clearance", &Contact::clearance, "c [m].")
-      .def_readonly("motion", &Contact::motion, "Harmonic motion of the support [m].")
-      .def_property_readonly(
-          "recorded", [](const Contact& contact) { return contact.input != nullptr; },
-          "Whether a recorded input moves the support, too.");
+      .def(py::init(&make_contact), "w"_a, "restitution"_a, "clearance"_a = 0.0,
+           "motion"_a = Harmonic{})
+      .get("w", "Direction, f entries.", &Contact::w)
+      .get("restitution", "In [0, 1].", &Contact::restitution)
+      .get("clearance", "c [m].", &Contact::clearance)
+      .get("motion", "Harmonic motion of the support [m].", &Contact::motion)
+      .get("recorded", "Whether a recorded input moves the support, too.",
+           [](const Contact& contact) { return contact.input != nullptr; });
 
   value_class<Force>(module, "Force",
                      "f(t) += direction (constant + harmonic(t)); direction has f entries.")
-      .def(py::init(&make_force), py::arg("direction"), py::arg("constant") = 0.0,
-           py::arg("harmonic") = Harmonic{})
-      .def_property_readonly("direction", vector_property(&Force::direction), "f entries.")
-      .def_readonly("constant", &Force::constant, "Constant part.")
-      .def_readonly("harmonic", &Force::harmonic, "Harmonic part.")
-      .def_property_readonly(
-          "recorded", [](const Force& force) { return force.input != nullptr; },
-          "Whether a recorded input is a part of the force, too.");
+      .def(py::init(&make_force), "direction"_a, "constant"_a = 0.0, "harmonic"_a = Harmonic{})
+      .get("direction", "f entries.", &Force::direction)
+      .get("constant", "Constant part.", &Force::constant)
+      .get("harmonic", "Harmonic part.", &Force::harmonic)
+      .get("recorded", "Whether a recorded input is a part of the force, too.",
+           [](const Force& force) { return force.input != nullptr; });
 
   value_class<Output>(module, "Output",
                       "A quantity with a name: direction^T q, or with velocity direction^T u; "
                       "direction has f entries.")
-      .def(py::init(&make_output), py::arg("name"), py::arg("direction"),
-           py::arg("velocity") = false, py::arg("unit") = "")
-      .def_readonly("name", &Output::name, "Name of the column.")
-      .def_property_readonly("direction", vector_property(&Output::direction), "f entries.")
-      .def_readonly("velocity", &Output::velocity,
-                    "Whether it is direction^T u, not direction^T q.")
-      .def_readonly("unit", &Output::unit, "As in the scene file; empty where not given.");
+      .def(py::init(&make_output), "name"_a, "direction"_a, "velocity"_a = false, "unit"_a = "")
+      .get("name", "Name of the column.", &Output::name)
+      .get("direction", "f entries.", &Output::direction)
+      .get("velocity", "Whether it is direction^T u, not direction^T q.", &Output::velocity)
+      .get("unit", "As in the scene file; empty where not given.", &Output::unit);
 
   value_class<Model, std::shared_ptr<Model>>(
       module, "Model",
       "M u' + C u + K q = W lambda + f(t), q' = u, f coordinates and at least one contact. M, C "
-      "and "
-      "K are f x f and exactly symmetric, M positive definite, C and K semidefinite. Where C is "
-      "None, damping_ratio gives C by one number or one each natural mode, by frequency, or "
+      "and K are f x f and exactly symmetric, M positive definite, C and K semidefinite. Where C "
+      "is None, damping_ratio gives C by one number or one each natural mode, by frequency, or "
       "rayleigh = (alpha, beta) gives C = alpha M + beta K. For a shaken frame see Scene.")
-      .def(py::init(&make_model), py::arg("M"), py::arg("C"), py::arg("K"), py::arg("contacts"),
-           py::arg("forces") = std::vector<Force>{}, py::arg("law") = "poisson",
-           py::arg("outputs") = std::vector<Output>{}, py::kw_only(),
-           py::arg("damping_ratio") = py::none(), py::arg("rayleigh") = py::none())
-      .def_property_readonly("f", &Model::coordinates, "Number of coordinates.")
-      .def_property_readonly("M", matrix_property(&Model::M), "Mass matrix, f x f.")
-      .def_property_readonly("C", matrix_property(&Model::C), "Damping matrix, f x f.")
-      .def_property_readonly("K", matrix_property(&Model::K), "Stiffness matrix, f x f.")
-      .def_readonly("contacts", &Model::contacts, "Contacts, m entries.")
-      .def_readonly("forces", &Model::forces, "Forces; that of a shaken frame is one of them.")
-      .def_readonly("outputs", &Model::outputs, "Quantities that have a name.")
-      .def_property_readonly(
-          "law",
-          [](const Model& model) { return model.law == ImpactLaw::newton ? "newton" : "poisson"; },
-          "Impact law, 'poisson' or 'newton'.")
-      .def_readonly("chatter_time", &Model::chatter_time,
-                    "Rest of a bounce sequence below which it is completed [s].");
+      .def(py::init(&make_model), "M"_a, "C"_a, "K"_a, "contacts"_a,
+           "forces"_a = std::vector<Force>{}, "law"_a = "poisson",
+           "outputs"_a = std::vector<Output>{}, py::kw_only(), "damping_ratio"_a = py::none(),
+           "rayleigh"_a = py::none())
+      .get("f", "Number of coordinates.", &Model::coordinates)
+      .get("M", "Mass matrix, f x f.", &Model::M)
+      .get("C", "Damping matrix, f x f.", &Model::C)
+      .get("K", "Stiffness matrix, f x f.", &Model::K)
+      .get("contacts", "Contacts, m entries.", &Model::contacts)
+      .get("forces", "Forces; that of a shaken frame is one of them.", &Model::forces)
+      .get("outputs", "Quantities that have a name.", &Model::outputs)
+      .get("law", "Impact law, 'poisson' or 'newton'.",
+           [](const Model& model) { return model.law == ImpactLaw::newton ? "newton" : "poisson"; })
+      .get("chatter_time", "Rest of a bounce sequence below which it is completed [s].",
+           &Model::chatter_time);
 
   module.def(
       "beam_model",
@@ -561,14 +535,13 @@ void bind_model(py::module_& module) {
         model.outputs = std::move(outputs);
         return finished(std::move(model), std::move(contacts), law);
       },
-      py::arg("beam"), py::arg("contacts"), py::arg("excitation") = Harmonic{},
-      py::arg("law") = "poisson", py::arg("outputs") = std::vector<Output>{},
+      "beam"_a, "contacts"_a, "excitation"_a = Harmonic{}, "law"_a = "poisson",
+      "outputs"_a = std::vector<Output>{},
       "The model of a beam with contacts, as of beam_contact(). excitation: motion of its frame "
       "[m].");
   module.def(
-      "beam_contact", &make_beam_contact, py::arg("beam"), py::arg("position"),
-      py::arg("restitution"), py::arg("side") = "below", py::arg("clearance") = 0.0,
-      py::arg("motion") = Harmonic{},
+      "beam_contact", &make_beam_contact, "beam"_a, "position"_a, "restitution"_a,
+      "side"_a = "below", "clearance"_a = 0.0, "motion"_a = Harmonic{},
       "A support at position in (0, length] [m], \"below\" the beam or \"above\". motion: that of "
       "the frame where the support stands on the ground; none where it moves with the frame.");
 }
@@ -578,61 +551,55 @@ void bind_scene_parts(py::module_& module) {
       .def(py::init([](Eigen::VectorXd q, Eigen::VectorXd u) {
              return State{std::move(q), std::move(u)};
            }),
-           py::arg("q") = Eigen::VectorXd{}, py::arg("u") = Eigen::VectorXd{})
-      .def_property_readonly("q", vector_property(&State::q), "Coordinates, f entries.")
-      .def_property_readonly("u", vector_property(&State::u), "Velocities, f entries.");
+           "q"_a = Eigen::VectorXd{}, "u"_a = Eigen::VectorXd{})
+      .get("q", "Coordinates, f entries.", &State::q)
+      .get("u", "Velocities, f entries.", &State::u);
 
   value_class<Record>(
       module, "Record",
-      "A recorded input: of is \"excitation\" or the key of its force, as "
-      "\"force.2\"; n sample times t [s] and values, with the delay and the gain of "
-      "the sensor: the frame's acceleration [m/s^2], or where displacement is true "
-      "its motion [m], or the force.")
-      .def_readonly("of", &Record::of, "'excitation', or the key of a force.")
-      .def_readonly("displacement", &Record::displacement,
-                    "Whether the values are motions [m], not accelerations or forces.")
-      .def_property_readonly("t", vector_property(&Record::t),
-                             "Times of the samples [s], n entries.")
-      .def_property_readonly("values", vector_property(&Record::values), "The samples, n entries.");
+      "A recorded input: of is \"excitation\" or the key of its force, as \"force.2\"; n sample "
+      "times t [s] and values, with the delay and the gain of the sensor: the frame's acceleration "
+      "[m/s^2], or where displacement is true its motion [m], or the force.")
+      .get("of", "'excitation', or the key of a force.", &Record::of)
+      .get("displacement", "Whether the values are motions [m], not accelerations or forces.",
+           &Record::displacement)
+      .get("t", "Times of the samples [s], n entries.", &Record::t)
+      .get("values", "The samples, n entries.", &Record::values);
 
   value_class<ParameterUncertainty>(
       module, "ParameterUncertainty",
       "How uncertain parameters of a machine are, [parameters] of its scene: P standard "
-      "deviations, "
-      "in the units of the parameters' values, and their correlation, P x P.")
-      .def_readonly("keys", &ParameterUncertainty::keys, "Keys of the parameters, P entries.")
-      .def_property_readonly("sigma", vector_property(&ParameterUncertainty::sigma),
-                             "Standard deviations, P entries.")
-      .def_property_readonly("correlation", matrix_property(&ParameterUncertainty::correlation),
-                             "P x P.")
-      .def_readonly("consider", &ParameterUncertainty::consider,
-                    "Whether a filter only considers each, and never corrects it.");
+      "deviations, in the units of the parameters' values, and their correlation, P x P.")
+      .get("keys", "Keys of the parameters, P entries.", &ParameterUncertainty::keys)
+      .get("sigma", "Standard deviations, P entries.", &ParameterUncertainty::sigma)
+      .get("correlation", "P x P.", &ParameterUncertainty::correlation)
+      .get("consider", "Whether a filter only considers each, and never corrects it.",
+           &ParameterUncertainty::consider);
 
   value_class<Tolerance>(
       module, "Tolerance",
-      "Hard limits of deviations, [tolerance] of a scene, for which the bound on V is proven: "
-      "time [s], of each event; restitution, absolute; stiffness and damping, as shares of K and "
-      "C, at most 0.5; force, in the norm of the inverse of M; clearance [m].")
-      .def(py::init(&make_tolerance), py::kw_only(), py::arg("time") = 0.0,
-           py::arg("restitution") = 0.0, py::arg("stiffness") = 0.0, py::arg("damping") = 0.0,
-           py::arg("force") = 0.0, py::arg("clearance") = 0.0)
-      .def_readonly("time", &Tolerance::time, "Of each event [s].")
-      .def_readonly("restitution", &Tolerance::restitution, "Absolute.")
-      .def_readonly("stiffness", &Tolerance::stiffness, "Share of K.")
-      .def_readonly("damping", &Tolerance::damping, "Share of C.")
-      .def_readonly("force", &Tolerance::force, "In the norm of the inverse of M.")
-      .def_readonly("clearance", &Tolerance::clearance, "[m].");
+      "Hard limits of deviations, [tolerance] of a scene, for which the bound on V is proven: time "
+      "[s], of each event; restitution, absolute; stiffness and damping, as shares of K and C, at "
+      "most 0.5; force, in the norm of the inverse of M; clearance [m].")
+      .def(py::init(&make_tolerance), py::kw_only(), "time"_a = 0.0, "restitution"_a = 0.0,
+           "stiffness"_a = 0.0, "damping"_a = 0.0, "force"_a = 0.0, "clearance"_a = 0.0)
+      .get("time", "Of each event [s].", &Tolerance::time)
+      .get("restitution", "Absolute.", &Tolerance::restitution)
+      .get("stiffness", "Share of K.", &Tolerance::stiffness)
+      .get("damping", "Share of C.", &Tolerance::damping)
+      .get("force", "In the norm of the inverse of M.", &Tolerance::force)
+      .get("clearance", "[m].", &Tolerance::clearance);
 
   value_class<KeptModes, std::shared_ptr<KeptModes>>(
       module, "KeptModes",
       "Coordinates of a scene that keeps some modes of N coordinates: q_given = Phi q, q = to_kept "
       "q_given.")
-      .def_readonly("modes", &KeptModes::modes, "Number of modes; the rest are static vectors.")
-      .def_property_readonly("Phi", matrix_property(&KeptModes::Phi), "N x f.")
-      .def_property_readonly("to_kept", matrix_property(&KeptModes::to_kept), "Phi^T M, f x N.");
+      .get("modes", "Number of modes; the rest are static vectors.", &KeptModes::modes)
+      .get("Phi", "N x f.", &KeptModes::Phi)
+      .get("to_kept", "Phi^T M, f x N.", &KeptModes::to_kept);
 }
 
-using SceneClass = py::class_<Scene, std::shared_ptr<Scene>>;
+using SceneClass = ValueClass<Scene, std::shared_ptr<Scene>>;
 
 // A beam has no forces but that of its excitation.
 bool is_of_excitation(const Scene& scene, std::size_t force) {
@@ -657,119 +624,86 @@ std::vector<Record> records_of(const Scene& scene) {
 }
 
 void bind_scene_values(SceneClass& of_scene) {
-  of_scene
-      .def_property_readonly(
-          "f", [](const Scene& scene) { return scene.model.coordinates(); },
-          "Number of coordinates.")
-      .def_property_readonly(
-          "m", [](const Scene& scene) { return scene.model.contacts.size(); },
-          "Number of contacts.")
-      .def_readonly("model", &Scene::model, "The Model.")
-      .def_readonly("beam", &Scene::beam, "None where the scene is not of a beam.")
-      .def_readonly("positions", &Scene::positions,
-                    "x_c of a beam's contacts [m], m entries; empty where the scene is not of a "
-                    "beam.")
-      .def_property_readonly(
-          "excitation",
-          [](const Scene& scene) {
-            return scene.frame ? std::optional(scene.frame->motion) : std::nullopt;
-          },
-          "Harmonic motion e(t) of the frame of a [system] [m]; None where it has no excitation.")
-      .def_property_readonly(
-          "is_shaken",
-          [](const Scene& scene) {
-            return scene.frame.has_value() || (scene.beam && !scene.model.forces.empty());
-          },
-          "Whether the coordinates are measured against a shaken frame.")
-      .def_property_readonly("records", &records_of,
-                             "Records of the excitation and of forces, in the order of forces.")
-      .def_property_readonly(
-          "master", [](const Scene& scene) -> const State& { return scene.truth.start; },
-          py::return_value_policy::reference_internal, "Start of the machine.")
-      .def_property_readonly(
-          "replica", [](const Scene& scene) -> const State& { return scene.prior.start; },
-          py::return_value_policy::reference_internal, "Start of the replica.")
-      .def_property_readonly(
-          "uncertainty",
-          [](const py::object& self) -> py::object {
-            const auto& scene = self.cast<const Scene&>();
-            if (scene.prior.uncertainty.size() == 0) return py::none();
-            return view(scene.prior.uncertainty, self);
-          },
-          "Energies of the replica's start, f entries; None where not given.")
-      .def_property_readonly(
-          "sigma",
-          [](const Scene& scene) -> const std::optional<State>& { return scene.prior.sigma; },
-          py::return_value_policy::reference_internal,
-          "Standard deviations of the replica's start; None where not given.")
-      .def_property_readonly(
-          "drift", [](const Scene& scene) { return scene.prior.drift; },
-          "Energy of the model's process noise per unit of time.")
-      .def_property_readonly(
-          "parameters",
-          [](const Scene& scene) -> const ParameterUncertainty* {
-            return scene.prior.parameters.empty() ? nullptr : &scene.prior.parameters;
-          },
-          py::return_value_policy::reference_internal,
-          "Uncertainty of the machine's parameters; None where not given.")
-      .def_property_readonly(
-          "jitter", [](const Scene& scene) { return scene.prior.jitter; },
-          "Standard deviation of event times [s].")
-      .def_property_readonly(
-          "confidence", [](const Scene& scene) { return name(scene.prior.confidence); },
-          "How sure the filter must be before it is shown: \"low\", \"medium\" or \"high\".")
+  of_scene.get("f", "Number of coordinates.", &Scene::model, &Model::coordinates)
+      .get("m", "Number of contacts.",
+           [](const Scene& scene) { return scene.model.contacts.size(); })
+      .get("model", "The Model.", &Scene::model)
+      .get("beam", "None where the scene is not of a beam.", &Scene::beam)
+      .get("positions",
+           "x_c of a beam's contacts [m], m entries; empty where the scene is not of a beam.",
+           [](const Scene& scene) { return std::vector(scene.positions); })
+      .get("excitation",
+           "Harmonic motion e(t) of the frame of a [system] [m]; None where it has no excitation.",
+           [](const Scene& scene) {
+             return scene.frame ? std::optional(scene.frame->motion) : std::nullopt;
+           })
+      .get("is_shaken", "Whether the coordinates are measured against a shaken frame.",
+           [](const Scene& scene) {
+             return scene.frame.has_value() || (scene.beam && !scene.model.forces.empty());
+           })
+      .get("records", "Records of the excitation and of forces, in the order of forces.",
+           &records_of)
+      .get("master", "Start of the machine.", &Scene::truth, &Truth::start)
+      .get("replica", "Start of the replica.", &Scene::prior, &Prior::start)
+      .get("uncertainty", "Energies of the replica's start, f entries; None where not given.",
+           [](const Scene& scene, py::handle self) {
+             return view_or_none(scene.prior.uncertainty, self);
+           })
+      .get("sigma", "Standard deviations of the replica's start; None where not given.",
+           &Scene::prior, &Prior::sigma)
+      .get("drift", "Energy of the model's process noise per unit of time.", &Scene::prior,
+           &Prior::drift)
+      .get("parameters", "Uncertainty of the machine's parameters; None where not given.",
+           [](const Scene& scene) -> const ParameterUncertainty* {
+             return scene.prior.parameters.empty() ? nullptr : &scene.prior.parameters;
+           })
+      .get("jitter", "Standard deviation of event times [s].", &Scene::prior, &Prior::jitter)
+      .get("confidence",
+           "How sure the filter must be before it is shown: \"low\", \"medium\" or \"high\".",
+           [](const Scene& scene) { return name(scene.prior.confidence); })
       .def(
           "machine_time", [](const Scene& scene, double t) { return machine_time(scene.clock, t); },
-          py::arg("t"),
+          "t"_a,
           "The machine's time at a reading of the contact clock [s], by the scene's [clock].")
-      .def("gaps", &gaps_of, py::arg("t"), py::arg("q"),
+      .def("gaps", &gaps_of, "t"_a, "q"_a,
            "Gaps g(q, t) of all contacts [m], n x m, for times t, n entries, and q, n x f.")
-      .def_property_readonly(
-          "tolerance", [](const Scene& scene) -> const Tolerance& { return scene.prior.tolerance; },
-          py::return_value_policy::reference_internal,
-          "Hard limits of the deviations of machine and event times.");
+      .get("tolerance", "Hard limits of the deviations of machine and event times.", &Scene::prior,
+           &Prior::tolerance);
 }
 
 void bind_scene(py::module_& module) {
   SceneClass of_scene = value_class<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
-      "A machine, the starts of its master and its replica, and their uncertainty. Starts may "
-      "have fewer than f entries: the rest is 0. uncertainty: f energies of the replica's "
-      "start, or in its place sigma: standard deviations of its q and u, as a State; "
-      "drift: energy per unit of time; jitter: standard deviation of event times [s]; chatter_time "
-      "[s]: from the machine's own time where it is not given; tolerance: hard limits of "
-      "deviations, for the bound on V. excitation: motion e(t) of a shaken frame [m], against "
-      "which "
-      "the model's coordinates are measured, with influence r in its force -M r e''(t), one number "
-      "or f; mount: \"ground\" (default) or \"frame\" for each contact. modes: number of lowest "
-      "modes to keep, and static_vectors: orders of static vectors of the contacts; model and "
-      "starts then have the N coordinates of the given model, all else those of kept.");
+      "A machine, the starts of its master and its replica, and their uncertainty. Starts may have "
+      "fewer than f entries: the rest is 0. uncertainty: f energies of the replica's start, or in "
+      "its place sigma: standard deviations of its q and u, as a State; drift: energy per unit of "
+      "time; jitter: standard deviation of event times [s]; chatter_time [s]: from the machine's "
+      "own time where it is not given; tolerance: hard limits of deviations, for the bound on V. "
+      "excitation: motion e(t) of a shaken frame [m], against which the model's coordinates are "
+      "measured, with influence r in its force -M r e''(t), one number or f; mount: \"ground\" "
+      "(default) or \"frame\" for each contact. modes: number of lowest modes to keep, and "
+      "static_vectors: orders of static vectors of the contacts; model and starts then have the N "
+      "coordinates of the given model, all else those of kept.");
   of_scene
-      .def(py::init(&make_scene), py::arg("model"), py::kw_only(), py::arg("master") = State{},
-           py::arg("replica") = State{}, py::arg("uncertainty") = py::none(),
-           py::arg("drift") = 0.0, py::arg("jitter") = 0.0, py::arg("chatter_time") = py::none(),
-           py::arg("name") = "", py::arg("sigma") = py::none(), py::arg("tolerance") = py::none(),
-           py::arg("excitation") = py::none(), py::arg("influence") = py::none(),
-           py::arg("mount") = py::none(), py::arg("modes") = py::none(),
-           py::arg("static_vectors") = std::vector<int>{})
-      .def("with_values", &with_values, py::arg("values"),
+      .def(py::init(&make_scene), "model"_a, py::kw_only(), "master"_a = State{},
+           "replica"_a = State{}, "uncertainty"_a = py::none(), "drift"_a = 0.0, "jitter"_a = 0.0,
+           "chatter_time"_a = py::none(), "name"_a = "", "sigma"_a = py::none(),
+           "tolerance"_a = py::none(), "excitation"_a = py::none(), "influence"_a = py::none(),
+           "mount"_a = py::none(), "modes"_a = py::none(), "static_vectors"_a = std::vector<int>{})
+      .def("with_values", &with_values, "values"_a,
            "The scene with other values of parameters: a dict by their keys in scene files, such "
            "as 'impact.restitution' or 'system.K' (a factor). Raises ValueError.")
-      .def("replace", &replaced, py::kw_only(), py::arg("master") = py::none(),
-           py::arg("replica") = py::none(), py::arg("uncertainty") = py::none(),
-           py::arg("sigma") = py::none(), py::arg("drift") = py::none(),
-           py::arg("jitter") = py::none(), py::arg("name") = py::none(),
-           py::arg("tolerance") = py::none(), py::arg("parameters") = py::none(),
-           py::arg("confidence") = py::none(),
+      .def("replace", &replaced, py::kw_only(), "master"_a = py::none(), "replica"_a = py::none(),
+           "uncertainty"_a = py::none(), "sigma"_a = py::none(), "drift"_a = py::none(),
+           "jitter"_a = py::none(), "name"_a = py::none(), "tolerance"_a = py::none(),
+           "parameters"_a = py::none(), "confidence"_a = py::none(),
            "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
            "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
            "uncertain parameters, a dict by their keys in scene files; confidence: \"low\", "
            "\"medium\" or \"high\". Raises ValueError.")
-      .def_readonly("name", &Scene::name, "Name for people.")
-      .def_property_readonly(
-          "kept", [](const Scene& scene) { return scene.kept.get(); },
-          py::return_value_policy::reference_internal,
-          "The KeptModes of a scene with system.modes; None: all coordinates are kept.");
+      .get("name", "Name for people.", &Scene::name)
+      .get("kept", "The KeptModes of a scene with system.modes; None: all coordinates are kept.",
+           [](const Scene& scene) { return scene.kept.get(); });
   bind_scene_values(of_scene);
 }
 
@@ -785,7 +719,7 @@ void bind_scene_files(py::module_& module) {
         }
         return with_warnings(read_scene(found));
       },
-      py::arg("file"),
+      "file"_a,
       "Reads and checks a scene file, and the files that it names; or the scene of this name that "
       "comes with Sprag, as \"paper_beam\". Remarks on it are RuntimeWarnings. Raises SceneError.");
   module.def(
@@ -793,12 +727,12 @@ void bind_scene_files(py::module_& module) {
       [](const std::string& text, const std::string& file) {
         return with_warnings(parse_scene(text, file));
       },
-      py::arg("text"), py::arg("file") = "scene.toml",
+      "text"_a, "file"_a = "scene.toml",
       "The same from text; file is the name that errors carry. Raises SceneError.");
   module.def(
       "to_toml",
       [](const Scene& scene, const std::string& comment) { return to_toml(scene, comment); },
-      py::arg("scene"), py::kw_only(), py::arg("comment") = "",
+      "scene"_a, py::kw_only(), "comment"_a = "",
       "The text of a scene file of the same machine, starts and uncertainties, with all digits. "
       "Every machine is written as a [system], with the coordinates that it has here. Raises "
       "SceneError for recorded inputs.");
@@ -807,7 +741,7 @@ void bind_scene_files(py::module_& module) {
       [](const std::filesystem::path& file, const Scene& scene, const std::string& comment) {
         write_scene(file, scene, comment);
       },
-      py::arg("file"), py::arg("scene"), py::kw_only(), py::arg("comment") = "",
+      "file"_a, "scene"_a, py::kw_only(), "comment"_a = "",
       "Writes to_toml() to a file. Raises sprag.Error if it cannot be written.");
 }
 

@@ -109,12 +109,6 @@ std::map<std::string, std::int64_t> skipped_by_reason(const EventCounts& counts)
           {"contradicting", counts.of(Skip::contradicting)}};
 }
 
-template <typename Result, typename Member>
-auto array_property(Member Result::*member) {
-  return
-      [member](const py::object& self) { return view(self.cast<const Result&>().*member, self); };
-}
-
 void warn(const std::filesystem::path& file, const FileProblem& problem) {
   const std::string text = file.string() + ":" + std::to_string(problem.line) + ": " + problem.what;
   if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
@@ -130,115 +124,87 @@ py::array events_of_file(const std::filesystem::path& file, const Scene& scene) 
                              " before the machine's t = 0, by clock.offset, left out";
     if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
   }
-  for (ContactEvent& event : recorded.events) ++event.contact;
-  using Events = std::vector<ContactEvent>;
-  auto owned = std::make_unique<Events>(std::move(recorded.events));
-  const py::capsule owner(owned.get(), [](void* events) { delete static_cast<Events*>(events); });
-  return view(*owned.release(), owner);
+  return owned(std::move(recorded.events));
 }
 
 void bind_simulation(py::module_& module) {
-  module.def("read_events", &events_of_file, py::arg("file"), py::arg("scene"),
+  module.def("read_events", &events_of_file, "file"_a, "scene"_a,
              "The contact events of an events CSV, as an array of event_dtype. Their times are the "
-             "machine's, by the scene's [clock]. Rows that contradict "
-             "the rest are left out, nothing after damage is used: a RuntimeWarning reports both. "
-             "Raises InputError.");
+             "machine's, by the scene's [clock]. Rows that contradict the rest are left out, "
+             "nothing after damage is used: a RuntimeWarning reports both. Raises InputError.");
 
   value_class<Simulation>(module, "Simulation",
                           "A machine's run. All arrays are read-only views; row k is tick k.")
-      .def_property_readonly("events", array_property(&Simulation::events),
-                             "Contact events in order: entries of event_dtype.")
-      .def_property_readonly("t", array_property(&Simulation::t), "Times k h [s], n entries.")
-      .def_property_readonly("q", array_property(&Simulation::q), "Coordinates, n x f.")
-      .def_property_readonly("u", array_property(&Simulation::u),
-                             "Velocities, n x f, those after an impact at a tick.");
+      .get("events", "Contact events in order: entries of event_dtype.", &Simulation::events)
+      .get("t", "Times k h [s], n entries.", &Simulation::t)
+      .get("q", "Coordinates, n x f.", &Simulation::q)
+      .get("u", "Velocities, n x f, those after an impact at a tick.", &Simulation::u);
 
   module.def(
       "simulate",
       [](const Scene& scene, double duration, double tick) {
         return long_call([&] { return run_master(scene, duration, tick); });
       },
-      py::arg("scene"), py::arg("duration"), py::kw_only(), py::arg("tick") = 0.01,
+      "scene"_a, "duration"_a, py::kw_only(), "tick"_a = 0.01,
       "The machine from its start at t = 0 up to duration [s], with its states at every tick [s]; "
       "no states where tick is 0. Raises ModelError, SimulationError or ValueError.");
 }
 
 void bind_inconsistency(py::module_& module) {
   value_class<Inconsistency>(module, "Inconsistency", "An event that the filter has refused.")
-      .def_readonly("t", &Inconsistency::t, "[s]")
-      .def_property_readonly(
-          "contact", [](const Inconsistency& of) { return of.contact + 1; }, "From 1.")
-      .def_property_readonly(
-          "reason", [](const Inconsistency& of) { return name(of.suspicion); },
-          "Likely cause: 'model' (model, uncertainty or event times are wrong), 'spurious event' "
-          "or 'missing event'.")
-      .def_readonly("square", &Inconsistency::square, "Normalized innovation squared.");
+      .get("t", "[s]", &Inconsistency::t)
+      .get("contact", "From 1.", [](const Inconsistency& of) { return of.contact + 1; })
+      .get("reason",
+           "Likely cause: 'model' (model, uncertainty or event times are wrong), 'spurious event' "
+           "or 'missing event'.",
+           &Inconsistency::suspicion, [](Suspicion of) { return name(of); })
+      .get("square", "Normalized innovation squared.", &Inconsistency::square);
 }
 
 void bind_estimates(py::module_& module) {
   value_class<Estimates>(module, "Estimates",
                          "An observer's estimates of many ticks. All arrays are read-only views; "
                          "row k is tick k. Sigmas have no columns without a timing filter.")
-      .def_property_readonly("t", array_property(&Estimates::t), "Times k h [s], n entries.")
-      .def_property_readonly("q", array_property(&Estimates::q), "Coordinates, n x f.")
-      .def_property_readonly("u", array_property(&Estimates::u), "Velocities, n x f.")
-      .def_property_readonly("sigma_q", array_property(&Estimates::sigma_q),
-                             "Standard deviations of q, n x f; inf where unknown.")
-      .def_property_readonly("sigma_u", array_property(&Estimates::sigma_u),
-                             "Standard deviations of u, n x f.")
-      .def_property_readonly("sigma_gap", array_property(&Estimates::sigma_gap),
-                             "Standard deviations of the gaps [m], n x m.")
-      .def_property_readonly("outputs", array_property(&Estimates::outputs),
-                             "The scene's outputs, n x as many.")
-      .def_property_readonly("sigma_outputs", array_property(&Estimates::sigma_outputs),
-                             "Their standard deviations; inf where unknown.")
-      .def_property_readonly("bound", array_property(&Estimates::bound),
-                             "The replica's V is at most this, n entries [energy]; inf where "
-                             "nothing guarantees it.")
-      .def_property_readonly("bound_q", array_property(&Estimates::bound_q),
-                             "Guaranteed half-widths about q, n x f; no columns where the scene "
-                             "has no tolerances.")
-      .def_property_readonly("bound_gap", array_property(&Estimates::bound_gap),
-                             "The same of the gaps [m], n x m.")
-      .def_property_readonly("bound_outputs", array_property(&Estimates::bound_outputs),
-                             "The same of the scene's outputs.")
-      .def_property_readonly(
-          "from_filter",
-          [](const py::object& self) {
-            const auto& flags = self.cast<const Estimates&>().of_filter;
-            return read_only(py::array(py::dtype::of<bool>(),
-                                       {static_cast<py::ssize_t>(flags.size())}, {1}, flags.data(),
-                                       self));
-          },
-          "Whether q and u are the timing filter's, n entries; else the replica's.")
-      .def_property_readonly(
-          "penetrating",
-          [](const py::object& self) {
-            const auto& flags = self.cast<const Estimates&>().penetrating;
-            return read_only(py::array(py::dtype::of<bool>(),
-                                       {static_cast<py::ssize_t>(flags.size())}, {1}, flags.data(),
-                                       self));
-          },
-          "Whether q lies inside a support, where the machine cannot be, n entries.")
-      .def_readonly("keys", &Estimates::keys,
-                    "Of an adaptive observer: the parameters that it seeks, as the scene file "
-                    "names them, P of them.")
-      .def_property_readonly("parameters", array_property(&Estimates::parameters),
-                             "Their values, n x P; the scene's own until they are found.")
-      .def_property_readonly("sigma_parameters", array_property(&Estimates::sigma_parameters),
-                             "Their standard deviations, n x P; inf until they are found.")
-      .def_property_readonly(
-          "taken", [](const Estimates& all) { return all.counts.events; },
-          "Number of accepted events.")
-      .def_property_readonly(
-          "skipped", [](const Estimates& all) { return skipped(all.counts); },
-          "Number of events that contradicted earlier ones and were skipped.")
-      .def_property_readonly(
-          "skipped_by_reason", [](const Estimates& all) { return skipped_by_reason(all.counts); },
-          "The same by reason: 'backwards', 'beyond_horizon', 'unknown_contact', 'contradicting'.")
-      .def_readonly("inconsistencies", &Estimates::inconsistencies,
-                    "Events that the filter refused, in order of time: a list of Inconsistency. Of "
-                    "several between two ticks the last one.");
+      .get("t", "Times k h [s], n entries.", &Estimates::t)
+      .get("q", "Coordinates, n x f.", &Estimates::q)
+      .get("u", "Velocities, n x f.", &Estimates::u)
+      .get("sigma_q", "Standard deviations of q, n x f; inf where unknown.", &Estimates::sigma_q)
+      .get("sigma_u", "Standard deviations of u, n x f.", &Estimates::sigma_u)
+      .get("sigma_gap", "Standard deviations of the gaps [m], n x m.", &Estimates::sigma_gap)
+      .get("outputs", "The scene's outputs, n x as many.", &Estimates::outputs)
+      .get("sigma_outputs", "Their standard deviations; inf where unknown.",
+           &Estimates::sigma_outputs)
+      .get("bound",
+           "The replica's V is at most this, n entries [energy]; inf where nothing guarantees it.",
+           &Estimates::bound)
+      .get("bound_q",
+           "Guaranteed half-widths about q, n x f; no columns where the scene has no tolerances.",
+           &Estimates::bound_q)
+      .get("bound_gap", "The same of the gaps [m], n x m.", &Estimates::bound_gap)
+      .get("bound_outputs", "The same of the scene's outputs.", &Estimates::bound_outputs)
+      .get("from_filter", "Whether q and u are the timing filter's, n entries; else the replica's.",
+           &Estimates::of_filter)
+      .get("penetrating",
+           "Whether q lies inside a support, where the machine cannot be, n entries.",
+           &Estimates::penetrating)
+      .get("keys",
+           "Of an adaptive observer: the parameters that it seeks, as the scene file names them, P "
+           "of them.",
+           &Estimates::keys)
+      .get("parameters", "Their values, n x P; the scene's own until they are found.",
+           &Estimates::parameters)
+      .get("sigma_parameters", "Their standard deviations, n x P; inf until they are found.",
+           &Estimates::sigma_parameters)
+      .get("taken", "Number of accepted events.", &Estimates::counts, &EventCounts::events)
+      .get("skipped", "Number of events that contradicted earlier ones and were skipped.",
+           &Estimates::counts, &skipped)
+      .get("skipped_by_reason",
+           "The same by reason: 'backwards', 'beyond_horizon', 'unknown_contact', 'contradicting'.",
+           &Estimates::counts, &skipped_by_reason)
+      .get("inconsistencies",
+           "Events that the filter refused, in order of time: a list of Inconsistency. Of several "
+           "between two ticks the last one.",
+           &Estimates::inconsistencies);
 
   module.def(
       "observe",
@@ -248,105 +214,87 @@ void bind_estimates(py::module_& module) {
         const ObserverSettings settings = to_settings(tick, estimator);
         return long_call([&] { return observe(scene, taken, duration, settings); });
       },
-      py::arg("scene"), py::arg("events"), py::arg("duration"), py::kw_only(),
-      py::arg("tick") = 0.01, py::arg("estimator") = "both",
-      "Estimates from recorded events up to duration [s], at every tick [s]. events: an "
-      "array of event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", "
-      "\"timing\", \"replica\" or \"adaptive\". "
-      "Raises ModelError or ValueError.");
+      "scene"_a, "events"_a, "duration"_a, py::kw_only(), "tick"_a = 0.01, "estimator"_a = "both",
+      "Estimates from recorded events up to duration [s], at every tick [s]. events: an array of "
+      "event_dtype, or (t, contact, kind) each, in any order. estimator: \"both\", \"timing\", "
+      "\"replica\" or \"adaptive\". Raises ModelError or ValueError.");
 }
 
 void bind_estimate(py::module_& module) {
   value_class<Estimate>(module, "Estimate",
                         "An observer's estimate of one tick. All arrays are read-only views.")
-      .def_readonly("tick", &Estimate::tick, "Number of the tick, from 0.")
-      .def_readonly("t", &Estimate::t, "tick h [s].")
-      .def_property_readonly("q", array_property(&Estimate::q), "Coordinates, f entries.")
-      .def_property_readonly("u", array_property(&Estimate::u), "Velocities, f entries.")
-      .def_property_readonly(
-          "closed", [](const Estimate& estimate) { return contacts_of(estimate.closed); },
-          "The contacts that are closed, from 1.")
-      .def_readonly("settled", &Estimate::settled, "Whether it is final.")
-      .def_readonly("from_filter", &Estimate::of_filter,
-                    "Whether q and u are the timing filter's; else the replica's.")
-      .def_readonly("penetrating", &Estimate::penetrating,
-                    "Whether q lies inside a support, where the machine cannot be.")
-      .def_property_readonly("sigma_q", array_property(&Estimate::sigma_q),
-                             "Standard deviations of q, f entries; none without a timing filter.")
-      .def_property_readonly("sigma_u", array_property(&Estimate::sigma_u),
-                             "Standard deviations of u, f entries.")
-      .def_property_readonly("sigma_gap", array_property(&Estimate::sigma_gap),
-                             "Standard deviations of the gaps [m], m entries.")
-      .def_property_readonly("outputs", array_property(&Estimate::outputs),
-                             "The scene's outputs, one entry each.")
-      .def_property_readonly("sigma_outputs", array_property(&Estimate::sigma_outputs),
-                             "Their standard deviations.")
-      .def_readonly("bound", &Estimate::bound,
-                    "The replica's V is at most this; inf where nothing guarantees it.")
-      .def_property_readonly("bound_q", array_property(&Estimate::bound_q),
-                             "Guaranteed half-widths about q, f entries; none where the scene has "
-                             "no tolerances.")
-      .def_property_readonly("bound_gap", array_property(&Estimate::bound_gap),
-                             "The same of the gaps [m], m entries.")
-      .def_property_readonly("bound_outputs", array_property(&Estimate::bound_outputs),
-                             "The same of the scene's outputs.")
-      .def_property_readonly(
-          "parameters",
-          [](const Estimate& estimate) {
-            std::map<std::string, std::pair<double, double>> found;
-            for (std::size_t k = 0;
-                 estimate.parameters.any() && k < estimate.parameters.keys->size(); ++k) {
-              const auto i = static_cast<Eigen::Index>(k);
-              found[(*estimate.parameters.keys)[k]] = {estimate.parameters.values[i],
-                                                       estimate.parameters.sigmas[i]};
-            }
-            return found;
-          },
-          "Of an adaptive observer: (value, standard deviation) of each parameter that it seeks, "
-          "by "
-          "its key in the scene file; inf where it is the scene's. Else empty.")
-      .def_readonly("inconsistencies", &Estimate::inconsistencies,
-                    "Number of events so far that the filter has refused.")
-      .def_property_readonly(
-          "inconsistency",
-          [](const Estimate& estimate) -> std::optional<Inconsistency> {
-            if (estimate.inconsistencies == 0) return std::nullopt;
-            return estimate.last;
-          },
-          "The last of them; None: none.");
+      .get("tick", "Number of the tick, from 0.", &Estimate::tick)
+      .get("t", "tick h [s].", &Estimate::t)
+      .get("q", "Coordinates, f entries.", &Estimate::q)
+      .get("u", "Velocities, f entries.", &Estimate::u)
+      .get("closed", "The contacts that are closed, from 1.", &Estimate::closed, &contacts_of)
+      .get("settled", "Whether it is final.", &Estimate::settled)
+      .get("from_filter", "Whether q and u are the timing filter's; else the replica's.",
+           &Estimate::of_filter)
+      .get("penetrating", "Whether q lies inside a support, where the machine cannot be.",
+           &Estimate::penetrating)
+      .get("sigma_q", "Standard deviations of q, f entries; none without a timing filter.",
+           &Estimate::sigma_q)
+      .get("sigma_u", "Standard deviations of u, f entries.", &Estimate::sigma_u)
+      .get("sigma_gap", "Standard deviations of the gaps [m], m entries.", &Estimate::sigma_gap)
+      .get("outputs", "The scene's outputs, one entry each.", &Estimate::outputs)
+      .get("sigma_outputs", "Their standard deviations.", &Estimate::sigma_outputs)
+      .get("bound", "The replica's V is at most this; inf where nothing guarantees it.",
+           &Estimate::bound)
+      .get("bound_q",
+           "Guaranteed half-widths about q, f entries; none where the scene has no tolerances.",
+           &Estimate::bound_q)
+      .get("bound_gap", "The same of the gaps [m], m entries.", &Estimate::bound_gap)
+      .get("bound_outputs", "The same of the scene's outputs.", &Estimate::bound_outputs)
+      .get("parameters",
+           "Of an adaptive observer: (value, standard deviation) of each parameter that it seeks, "
+           "by its key in the scene file; inf where it is the scene's. Else empty.",
+           [](const Estimate& estimate) {
+             std::map<std::string, std::pair<double, double>> found;
+             for (std::size_t k = 0;
+                  estimate.parameters.any() && k < estimate.parameters.keys->size(); ++k) {
+               const auto i = static_cast<Eigen::Index>(k);
+               found[(*estimate.parameters.keys)[k]] = {estimate.parameters.values[i],
+                                                        estimate.parameters.sigmas[i]};
+             }
+             return found;
+           })
+      .get("inconsistencies", "Number of events so far that the filter has refused.",
+           &Estimate::inconsistencies)
+      .get("inconsistency", "The last of them; None: none.",
+           [](const Estimate& estimate) -> std::optional<Inconsistency> {
+             if (estimate.inconsistencies == 0) return std::nullopt;
+             return estimate.last;
+           });
 }
 
 void bind_observer(py::module_& module) {
-  py::class_<SharedObserver>(
+  ValueClass<SharedObserver>(
       module, "Observer",
       "Takes contact events in any order and late, gives settled estimates in order and the "
       "estimate at any time. Threads may share one: calls wait for each other.")
       .def(py::init([](const Scene& scene, double tick, const std::string& estimator) {
              return std::make_unique<SharedObserver>(scene, to_settings(tick, estimator));
            }),
-           py::arg("scene"), py::kw_only(), py::arg("tick") = 0.01, py::arg("estimator") = "both")
-      .def("take", &SharedObserver::take, py::arg("t"), py::arg("contact") = 1,
-           py::arg("kind") = static_cast<int>(ContactEventKind::pulse),
+           "scene"_a, py::kw_only(), "tick"_a = 0.01, "estimator"_a = "both")
+      .def("take", &SharedObserver::take, "t"_a, "contact"_a = 1,
+           "kind"_a = static_cast<int>(ContactEventKind::pulse),
            "Takes an event at t [s] of a contact, from 1, of a ContactEventKind. False if it is "
            "refused: it is not after the horizon.")
-      .def("set_horizon", &SharedObserver::set_horizon, py::arg("t"),
+      .def("set_horizon", &SharedObserver::set_horizon, "t"_a,
            "Every event up to t [s] has been taken; never goes back.")
       .def("settle", &SharedObserver::settle,
            "The estimates up to the horizon that were not handed out yet, in order.")
-      .def("at", &SharedObserver::at, py::arg("t"),
+      .def("at", &SharedObserver::at, "t"_a,
            "The estimate at the last tick at or before t [s], provisional. Raises ValueError "
            "before the last settled tick.")
-      .def_property_readonly("tick", &SharedObserver::tick, "h [s].")
-      .def_property_readonly(
-          "taken", [](SharedObserver& observer) { return observer.counts().events; },
-          "How many events counted so far, of those up to the horizon.")
-      .def_property_readonly(
-          "skipped", [](SharedObserver& observer) { return skipped(observer.counts()); },
-          "How many were refused or contradicted those before them.")
-      .def_property_readonly(
-          "skipped_by_reason",
-          [](SharedObserver& observer) { return skipped_by_reason(observer.counts()); },
-          "The same by reason, as in Estimates.");
+      .get("tick", "h [s].", &SharedObserver::tick)
+      .get("taken", "How many events counted so far, of those up to the horizon.",
+           [](SharedObserver& observer) { return observer.counts().events; })
+      .get("skipped", "How many were refused or contradicted those before them.",
+           [](SharedObserver& observer) { return skipped(observer.counts()); })
+      .get("skipped_by_reason", "The same by reason, as in Estimates.",
+           [](SharedObserver& observer) { return skipped_by_reason(observer.counts()); });
 }
 
 struct Energies {
@@ -387,9 +335,8 @@ Energies energies_of(const Scene& scene, const Given& q_m, const Given& u_m, con
 void bind_energies(py::module_& module) {
   value_class<Energies>(module, "Energies",
                         "Synchronization error energy of many ticks. Arrays are read-only views.")
-      .def_property_readonly("V", array_property(&Energies::V), "n entries, >= 0.")
-      .def_property_readonly("V_i", array_property(&Energies::V_i),
-                             "Parts that belong to the natural modes, n x f; rows sum to V.");
+      .get("V", "n entries, >= 0.", &Energies::V)
+      .get("V_i", "Parts that belong to the natural modes, n x f; rows sum to V.", &Energies::V_i);
   module.def(
       "energies",
       [](const Scene& scene, const Table& q_m, const Table& u_m, const Table& q, const Table& u) {
@@ -409,10 +356,9 @@ void bind_energies(py::module_& module) {
         }
         return long_call([&] { return energies_of(scene, of_q_m, of_u_m, of_q, of_u); });
       },
-      py::arg("scene"), py::arg("q_m"), py::arg("u_m"), py::arg("q"), py::arg("u"),
-      "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns; "
-      "missing ones count as zero), in the scene's unit of energy. Raises ModelError or "
-      "ValueError.");
+      "scene"_a, "q_m"_a, "u_m"_a, "q"_a, "u"_a,
+      "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns; missing "
+      "ones count as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
 }
 
 // Same limit as in the program check_scene.
@@ -446,36 +392,30 @@ PythonAssessment check(const Scene& scene, std::optional<double> accuracy) {
 
 void bind_check(py::module_& module) {
   value_class<Finding>(module, "Finding", "Result of one check.")
-      .def_readonly("id", &Finding::id, "Its short name.")
-      .def_readonly("required", &Finding::required,
-                    "Whether the replica's convergence requires it; others are for information.")
-      .def_readonly("holds", &Finding::holds, "Whether it is fulfilled.")
-      .def_readonly("what", &Finding::what, "The result, in words.")
-      .def_readonly("provided", &Finding::provided,
-                    "Condition that was not checked and on which it depends; or empty.")
-      .def_readonly("change", &Finding::change, "Remedy; empty if none is needed.");
+      .get("id", "Its short name.", &Finding::id)
+      .get("required", "Whether the replica's convergence requires it; others are for information.",
+           &Finding::required)
+      .get("holds", "Whether it is fulfilled.", &Finding::holds)
+      .get("what", "The result, in words.", &Finding::what)
+      .get("provided", "Condition that was not checked and on which it depends; or empty.",
+           &Finding::provided)
+      .get("change", "Remedy; empty if none is needed.", &Finding::change);
   using Class = PythonAssessment;
-  value_class<Class>(module, "Assessment",
-                     "Whether a scene's replica will synchronize, and why. str() is what "
-                     "check_scene prints.")
-      .def_property_readonly(
-          "synchronizes", [](const Class& of) { return of.assessment.synchronizes(); },
-          "Whether all required findings hold.")
-      .def_property_readonly(
-          "verdict", [](const Class& of) { return of.assessment.verdict(); },
-          "'will synchronize' or 'may not synchronize'.")
-      .def_property_readonly(
-          "findings", [](const Class& of) { return of.assessment.findings; }, "All findings.")
-      .def_property_readonly(
-          "decades", [](const Class& of) { return of.assessment.decades; },
-          "By how many decades V falls a unit of time without impacts [1/s].")
-      .def_property_readonly(
-          "modes_needed",
-          [](const Class& of) -> std::optional<int> {
-            if (!of.assessment.accuracy) return std::nullopt;
-            return of.assessment.accuracy->modes;
-          },
-          "The fewest modes within the accuracy that was asked for, or None.")
+  value_class<Class>(
+      module, "Assessment",
+      "Whether a scene's replica will synchronize, and why. str() is what check_scene prints.")
+      .get("synchronizes", "Whether all required findings hold.", &Class::assessment,
+           &Assessment::synchronizes)
+      .get("verdict", "'will synchronize' or 'may not synchronize'.", &Class::assessment,
+           &Assessment::verdict)
+      .get("findings", "All findings.", &Class::assessment, &Assessment::findings)
+      .get("decades", "By how many decades V falls a unit of time without impacts [1/s].",
+           &Class::assessment, &Assessment::decades)
+      .get("modes_needed", "The fewest modes within the accuracy that was asked for, or None.",
+           [](const Class& of) -> std::optional<int> {
+             if (!of.assessment.accuracy) return std::nullopt;
+             return of.assessment.accuracy->modes;
+           })
       .def_property_readonly(
           "half_widths",
           [](const Class& of) -> std::optional<std::map<std::string, double>> {
@@ -491,7 +431,7 @@ void bind_check(py::module_& module) {
       [](const Scene& scene, std::optional<double> accuracy) {
         return long_call([&] { return check(scene, accuracy); });
       },
-      py::arg("scene"), py::kw_only(), py::arg("accuracy") = py::none(),
+      "scene"_a, py::kw_only(), "accuracy"_a = py::none(),
       "Whether the replica of a scene will synchronize with its machine: every assumption of the "
       "theorem, and a short run of the machine, of at most 5 s of wall time. With `accuracy` "
       "[length] > 0 also how many modes show the tip, or the gaps, to it. Raises ModelError or "

@@ -10,6 +10,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -21,6 +22,7 @@
 #include <utility>
 #include <vector>
 
+#include "python/src/arrays.h"
 #include "sprag/sampled_input.h"
 #include "sprag/version.h"
 
@@ -222,11 +224,61 @@ std::string packed(const T& value, bool for_comparison) {
   return std::move(packer).bytes();
 }
 
+/// What the members and functions of a path lead to: `&Scene::prior, &Prior::drift`.
+template <typename T, typename First, typename... Rest>
+decltype(auto) follow_path(T& of, const First& first, const Rest&... rest) {
+  if constexpr (sizeof...(Rest) == 0) {
+    return std::invoke(first, of);
+  } else {
+    return follow_path(std::invoke(first, of), rest...);
+  }
+}
+
+template <typename T>
+concept Viewed = std::is_lvalue_reference_v<T> && requires(T of, py::handle owner) {
+  view(of, owner);
+};
+
+/// A class whose read-only attributes are added by get().
+template <typename T, typename... Options>
+struct ValueClass : py::class_<T, Options...> {
+  using Base = py::class_<T, Options...>;
+  using Base::Base;
+
+  /// An attribute: what a path leads to, or what a function returns of the object or of the object
+  /// and its handle. Vectors, matrices and events are read-only views.
+  template <typename First, typename... Rest>
+  ValueClass& get(const char* name, const char* doc, const First& first, const Rest&... rest) {
+    if constexpr (std::is_invocable_v<First, T&, py::handle>) {
+      this->def_property_readonly(
+          name, [first](const py::object& self) { return first(self.cast<T&>(), self); }, doc);
+    } else if constexpr (Viewed<decltype(follow_path(std::declval<T&>(), first, rest...))>) {
+      this->def_property_readonly(
+          name,
+          [=](const py::object& self) {
+            return view(follow_path(self.cast<T&>(), first, rest...), self);
+          },
+          doc);
+    } else {
+      this->def_property_readonly(
+          name, [=](T& of) -> decltype(auto) { return follow_path(of, first, rest...); },
+          py::return_value_policy::reference_internal, doc);
+    }
+    return *this;
+  }
+
+  template <typename... Arguments>
+  ValueClass& def(Arguments&&... arguments) {
+    Base::def(std::forward<Arguments>(arguments)...);
+    return *this;
+  }
+};
+
 /// A class with ==, hash(), pickle, a repr of one line and _repr_html_. Pickles are of one version
 /// of Sprag only.
 template <typename T, typename... Options>
-py::class_<T, Options...> value_class(py::handle module, const char* name, const char* doc) {
-  py::class_<T, Options...> of(module, name, doc);
+ValueClass<T, Options...> value_class(py::handle module, const char* name, const char* doc) {
+  ValueClass<T, Options...> of(module, name, doc);
   const auto shown_by = [](const char* function) {
     return [function](const py::object& self) {
       return py::module_::import("sprag._values").attr(function)(self);
