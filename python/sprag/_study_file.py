@@ -26,7 +26,6 @@ OF_ERRORS = ["V_floor", "V_max", "rate", "time_below"]
 OF_FILTERS = ["nees", "beyond_3_sigma", "trusted"]
 OF_ESTIMATORS = [*OF_ERRORS, *OF_FILTERS, "worse"]
 OF_RECURRENCE = ["poincare", "impacts_per_period", "lyapunov", "attractor"]
-DISTURBANCES = ["jitter", "offset", "lost", "spurious"]
 RECORDS = [*OF_ESTIMATORS, "impacts", *OF_RECURRENCE]
 
 
@@ -656,7 +655,7 @@ class StudyRuns:
 
     def __init__(self, given: str | os.PathLike[str]) -> None:
         self.study = read_study_file(given)
-        self._runs = _core._StudyRuns()
+        self._trials = _core._Trials()
         self._stopped = False
 
     @property
@@ -701,7 +700,7 @@ class StudyRuns:
     def stop(self) -> None:
         """Ends all calls of rows() after the runs that they complete."""
         self._stopped = True
-        self._runs.stop()
+        self._trials.stop()
 
     def rows(self, first: int, end: int) -> tuple[str, int, int]:
         """Lines of the runs first, ..., end - 1, the number of these runs, and of failed ones.
@@ -741,33 +740,31 @@ class StudyRuns:
 
     def _recorded(self, setting: Setting, stream: int) -> list[list[float]]:
         """The recorded quantities: one row, or one for each n."""
-        study, knobs = self.study, setting.knobs
-        settings = study.period, study.transient, study.periods, study.longest
-        figures, impacts, impacts_per_period, lyapunov, period, attractor, points = self._runs.run(
-            setting.machine,
-            setting.observer,
-            study.seed,
-            stream,
-            knobs.get("start.machine", 0.0),
-            knobs.get("start.replica"),
-            knobs.get("duration", 0.0),
-            knobs.get("tick", 0.0),
-            study.samples,
-            study.threshold,
-            [knobs.get(f"disturbance.{name}", 0.0) for name in DISTURBANCES],
-            study.estimators,
-            "impacts" in study.records,
-            (*settings, "lyapunov" in study.records) if study.records_any(OF_RECURRENCE) else None,
-        )
+        study, knobs, trials = self.study, setting.knobs, self._trials
+        energies = knobs.get("start.machine", 0.0), knobs.get("start.replica")
+        random = study.seed, stream
+        machine, observer = trials.drawn(setting.machine, setting.observer, *random, *energies)
         row: list[float] = []
-        for estimator, of in zip(study.estimators, figures):
-            values = dict(zip(OF_ESTIMATORS, of))
-            row += [values[record] for record in study.of_estimator(estimator)]
-        single = {"impacts": impacts, "impacts_per_period": impacts_per_period}
-        single["lyapunov"] = lyapunov
-        row += [value for record, value in single.items() if record in study.records]
+        if study.estimators or "impacts" in study.records:
+            samples = study.samples if study.estimators else 2
+            tick = knobs.get("tick", 0.0) if study.estimators else 0.0
+            truth = trials.run(machine, knobs["duration"], tick, samples)
+            group = "disturbance."
+            given: dict[str, Any] = {
+                k.removeprefix(group): x for k, x in knobs.items() if k.startswith(group)
+            }
+            args = (study.estimators, observer, truth, *random, study.threshold)
+            for estimator, of in zip(study.estimators, trials.follow(*args, **given)):
+                row += [getattr(of, record) for record in study.of_estimator(estimator)]
+            row += [truth.closings] if "impacts" in study.records else []
+        if not study.records_any(OF_RECURRENCE):
+            return [row]
+        wanted = study.period, study.transient, study.periods, study.longest
+        found = trials.recurrence(machine, *wanted, "lyapunov" in study.records)
+        single = [name for name in ("impacts_per_period", "lyapunov") if name in study.records]
+        row += [getattr(found, name) for name in single]
         if "attractor" in study.records:
-            row += [period, *(attractor[i] for i in study.coordinates)]
+            row += [found.attractor_period, *(found.attractor[i] for i in study.coordinates)]
         if "poincare" not in study.records:
             return [row]
-        return [[*row, *point] for point in points[:, study.coordinates].tolist()]
+        return [[*row, *point] for point in found.points[:, study.coordinates].tolist()]

@@ -414,8 +414,8 @@ def draw(
         scene: turns states into gaps, a :class:`sprag.Scene`. Without it coordinates are shown.
         show: names of panels, in this order; default: as many as are legible.
         begin, end: the time that is shown [s].
-        zoom: shows all panels but V in this time only, beside the whole V. Without `begin`, `end` and
-            `zoom` a part is chosen where the whole motion would be a solid block.
+        zoom: shows all panels but V in this time only, beside the whole V. Without `begin`, `end`
+            and `zoom` a part is chosen where the whole motion would be a solid block.
         title: in place of the scene's name.
     """
     panels = Panels(runs, None if scene is None else machine_of(scene))

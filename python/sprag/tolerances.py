@@ -26,11 +26,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ._core import Scene, _Bench, _Truth
+    from . import _core
+    from ._core import Scene, _Truth
 
 ESTIMATORS = ("replica", "timing", "both", "adaptive")
 USUAL_ESTIMATORS = ("replica", "timing", "both")
 USUAL_TARGET = "1%"
+SEED = 1
 SAMPLES = 400  # of a run
 SAMPLES_OF_MOTION, SAMPLES_OF_A_PERIOD = 10_000, 20  # for the energy of the motion
 ENERGY_OF_STARTS = 0.1  # of the energy of the motion
@@ -181,38 +183,44 @@ class _Trials:
 
     def __init__(
         self,
-        bench: _Bench,
+        scene: Scene,
+        core: _core._Trials,
         pool: ThreadPoolExecutor,
-        *,
         target: float | str,
         duration: float | None,
         runs: int,
-        estimators: Sequence[str],
+        estimators: list[str],
     ) -> None:
-        self.bench, self.scene, self._pool = bench, bench.scene, pool
-        self.runs, self.estimators = runs, list(estimators)
+        from . import _core
+
+        self.scene, self._core, self._pool = scene, core, pool
+        self.runs, self.estimators = runs, estimators
+        self._end = _core._end_of_inputs(scene)
         rate = self._closings_per_time()
-        longest = min(MOST_CLOSINGS / rate, bench.end)
-        self.duration = min(duration or ENOUGH_CLOSINGS / rate, bench.end)
+        longest = min(MOST_CLOSINGS / rate, self._end)
+        self.duration = min(duration or ENOUGH_CLOSINGS / rate, self._end)
         self.motion_energy = self._energy_of_motion()
         self.target = _energy(target, self.motion_energy)
         first = self._run(self.duration)
         # Twice the time that the replica needs to fall a decade below the target.
         while duration is None and self.duration < longest:
-            args = (["replica"], self.scene, first, 0, 0.1 * self.target)
-            time_below = pool.submit(bench.follow, *args).result()[0][1]
-            needed = 2.0 * time_below + ENOUGH_CLOSINGS / rate
+            args = (["replica"], scene, first, SEED, 0, 0.1 * self.target)
+            (replica,) = pool.submit(core.follow, *args, or_none=True).result()
+            needed = 2.0 * replica.time_below + ENOUGH_CLOSINGS / rate
             if needed <= self.duration:
                 break
             self.duration = min(needed if math.isfinite(needed) else 2 * self.duration, longest)
             first = self._run(self.duration)
         self.closings_per_time = first.closings / self.duration
-        energy = ENERGY_OF_STARTS * self.motion_energy
-        args_of_starts = [(self.duration, SAMPLES, energy, number) for number in range(1, runs)]
-        self._truths = [first, *pool.map(lambda args: bench.run(*args), args_of_starts)]
+        self._truths = [first, *pool.map(self._run_elsewhere, range(1, runs))]
 
     def _run(self, duration: float, samples: int = SAMPLES) -> _Truth:
-        return self._pool.submit(self.bench.run, duration, samples).result()
+        return self._pool.submit(self._core.run, self.scene, duration, 0.0, samples).result()
+
+    def _run_elsewhere(self, number: int) -> _Truth:
+        energy = ENERGY_OF_STARTS * self.motion_energy
+        machine, _ = self._core.drawn(self.scene, self.scene, SEED, number, energy)
+        return self._core.run(machine, self.duration, 0.0, SAMPLES)
 
     def _frequencies(self) -> list[float]:
         """Angular frequencies of the excitation [rad/s]."""
@@ -223,12 +231,12 @@ class _Trials:
 
     def _closings_per_time(self) -> float:
         slowest = min(self._frequencies(), default=20.0)
-        duration = min(20.0 / slowest, self.bench.end)
+        duration = min(20.0 / slowest, self._end)
         for _ in range(12):
             closings = self._run(duration, 2).closings
-            if closings >= WANTED_CLOSINGS or duration >= self.bench.end:
+            if closings >= WANTED_CLOSINGS or duration >= self._end:
                 break
-            duration = min(2.0 * duration, self.bench.end)
+            duration = min(2.0 * duration, self._end)
         if not closings:
             raise Error("no contact of the machine closes: an observer would receive no events")
         return closings / duration
@@ -249,6 +257,8 @@ class _Trials:
 
     def deviations(self) -> list[Deviation]:
         """All deviations of events, and one for every parameter of the machine."""
+        from ._core import _parameters_of
+
         interval = 1.0 / self.closings_per_time
         found = [
             Deviation("jitter", "s", interval / RANGE_OF_TIMES, interval, "time"),
@@ -256,7 +266,7 @@ class _Trials:
             Deviation("lost", "", 1e-4, 0.5),
             Deviation("spurious", "1/s", 1e-4 / interval, 3.0 / interval),
         ]
-        for of in self.bench.parameters:
+        for of in _parameters_of(self.scene):
             least = of["most"] / (RANGE_OF_FREQUENCY if of["frequency"] else RANGE_OF_PARAMETER)
             more = (of["bounded"], of["nominal"])
             found.append(Deviation(of["key"], of["unit"], least, of["most"], *more))
@@ -290,14 +300,17 @@ class _Trials:
             if wrong is None:
                 return [(math.inf, math.nan)] * len(self.estimators)
             given = wrong
-        args = (self.estimators, given, self._truths[run], run, self.target)
-        return [(V, worse) for V, _, worse in self.bench.follow(*args, **disturbance)]
+        args = (self.estimators, given, self._truths[run], SEED, run, self.target)
+        figures = self._core.follow(*args, or_none=True, **disturbance)
+        return [(of.V_floor, of.worse) for of in figures]
 
     def _wrong(self, key: str, amount: float) -> Scene | None:
         """The observer's scene with a wrong parameter; None if it cannot be off by so much."""
+        from ._core import _with_wrong
+
         for signed in (amount, -amount):
             with contextlib.suppress(ModelError):
-                return self.bench.wrong(key, signed)
+                return _with_wrong(self.scene, key, signed)
         return None
 
     def guaranteed(self, deviation: Deviation) -> tuple[float, str] | None:
@@ -322,8 +335,8 @@ class _Trials:
 
         def bound(amount: float) -> float:
             given = Tolerance(**{deviation.bounded: min(factor * amount, limit)})
-            args = (given, uncertainty, self._truths[0], self.duration)
-            return self._pool.submit(self.bench.bound, *args).result()
+            args = (scene, given, uncertainty, self._truths[0])
+            return self._pool.submit(self._core.bound, *args).result()
 
         low, high = 1e-4 * deviation.least, deviation.most
         lowest = bound(low)
@@ -449,18 +462,18 @@ def tolerance(
     )
     if "adaptive" in chosen:
         core.observe(machine, [], 1.0, tick=1.0, estimator="adaptive")  # raises if there is none
-    bench: _Bench = core._Bench(machine)
-    if duration is not None and duration > bench.end:
+    if not core._has_master(machine):
+        machine = machine.replace(master=machine.replica)
+    if duration is not None and duration > (end := core._end_of_inputs(machine)):
         raise ValueError(
-            f"the recorded input of {machine.name} ends at t = {bench.end:g}; duration must be at "
-            f'most {bench.end:g}, or the table with the key `file` must have outside = "zero" or '
+            f"the recorded input of {machine.name} ends at t = {end:g}; duration must be at "
+            f'most {end:g}, or the table with the key `file` must have outside = "zero" or '
             '"hold"'
         )
     # The threads of `searches` wait for those of `pool`, which compute.
-    with ThreadPoolExecutor(MOST_DEVIATIONS) as searches, _computing(bench, jobs) as pool:
-        trials = _Trials(
-            bench, pool, target=target, duration=duration, runs=runs, estimators=chosen
-        )
+    computing: _core._Trials = core._Trials()
+    with ThreadPoolExecutor(MOST_DEVIATIONS) as searches, _pool(computing, jobs) as pool:
+        trials = _Trials(machine, computing, pool, target, duration, runs, chosen)
         undisturbed = trials.spreads(None, 0.0)
         limits: Rows = []
         guaranteed: Rows = []
@@ -502,13 +515,13 @@ def _energy(target: float | str, of_motion: float) -> float:
 
 
 @contextlib.contextmanager
-def _computing(bench: _Bench, jobs: int | None) -> Iterator[ThreadPoolExecutor]:
+def _pool(computing: _core._Trials, jobs: int | None) -> Iterator[ThreadPoolExecutor]:
     """Threads that compute; they end at once after an exception."""
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         try:
             yield pool
         except BaseException:
-            bench.stop()
+            computing.stop()
             pool.shutdown(cancel_futures=True)
             raise
 

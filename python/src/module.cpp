@@ -13,7 +13,6 @@
 #include "python/src/machines.h"
 #include "python/src/runs.h"
 #include "python/src/studies.h"
-#include "python/src/tolerances.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/error.h"
@@ -75,7 +74,6 @@ PYBIND11_MODULE(_core, module) {
   bind_analyses(module);
   bind_import(module);
   bind_studies(module);
-  bind_tolerances(module);
   bind_live(module);
   bind_bus(module);
   bind_recordings(module);

@@ -5,7 +5,6 @@
 #include <pybind11/stl/filesystem.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -14,7 +13,6 @@
 #include <optional>
 #include <stop_token>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -22,21 +20,23 @@
 #include "python/src/random.h"
 #include "python/src/settings.h"
 #include "python/src/trial.h"
+#include "python/src/values.h"
 #include "sprag/detail/analysis/recurrence.h"
+#include "sprag/detail/bound/bound_tracker.h"
+#include "sprag/detail/bound/certified_floor.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/reduction.h"
 #include "sprag/sampled_input.h"
 #include "sprag/scene_file.h"
 
 namespace sprag::python {
-
-namespace py = pybind11;
 
 namespace {
 
@@ -47,64 +47,84 @@ constexpr const char* compiler = "g++ " __VERSION__;
 #endif
 constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
 
-// Quantities of the machine alone: period, transient, periods, longest cycle, Lyapunov exponent.
-using Stroboscope = std::tuple<double, int, int, int, bool>;
-
-// Computes the runs of a study. Several threads may call run() at once, which stop() ends.
-class StudyRuns {
- public:
-  // The result: figures of each estimator in the order of Figures, number of closings, and what the
-  // stroboscope shows.
-  py::tuple run(const Scene& of_machine, const Scene& of_observer, std::uint64_t seed,
-                std::uint64_t stream, double start_machine,
-                const std::optional<double>& start_replica, double duration, double tick,
-                int samples, double threshold, const Disturbance& disturbance,
-                const std::vector<std::string>& estimators, bool impacts,
-                const std::optional<Stroboscope>& stroboscope) const {
-    std::vector<EstimatorKind> kinds;
-    for (const std::string& name : estimators) kinds.push_back(to_estimator(name));
-    std::vector<Figures> figures;
-    std::vector<ContactEvent> events;
-    Recurrence found;
+// Runs of machines and of observers that follow them. Several threads may call its methods at once,
+// which stop() ends.
+class Trials {
+  template <typename Compute>
+  auto stoppable(const Compute& compute) const {
     try {
       const StopScope scope(stop_.get_token());
       const py::gil_scoped_release released;
-      Scene machine = of_machine, observer = of_observer;
-      draw_starts(seed, stream, start_machine, start_replica, machine, observer);
-      if (!kinds.empty()) {
-        const Truth truth = run_machine(machine, duration, tick, samples);
-        const auto contacts = static_cast<int>(machine.model.contacts.size());
-        const auto arrived = disturb(truth.events, disturbance, contacts, duration, seed, stream);
-        for (const EstimatorKind kind : kinds) {
-          figures.push_back(follow(kind, observer, arrived, truth, threshold));
-        }
-        add_worse(kinds, figures);
-        events = truth.events;
-      } else if (impacts) {
-        Master(machine.model, machine.truth.start).advance(at(duration), events);
-      }
-      if (stroboscope) {
-        const auto& [period, transient, periods, longest, lyapunov] = *stroboscope;
-        found = recurrence(machine.model, machine.truth.start,
-                           {.period = period,
-                            .transient = transient,
-                            .periods = periods,
-                            .longest = longest,
-                            .lyapunov = lyapunov});
-      }
+      return compute();
     } catch (const Interrupted&) {
       raise_interrupt();
     }
-    py::list of_estimators;
-    for (const Figures& of : figures) {
-      of_estimators.append(py::make_tuple(of.V_floor, of.V_max, of.rate, of.time_below, of.nees,
-                                          of.beyond_3_sigma, of.trusted, of.worse));
-    }
-    const auto closings = std::count_if(
-        events.begin(), events.end(),
-        [](const ContactEvent& event) { return event.kind != ContactEventKind::opens; });
-    return py::make_tuple(of_estimators, closings, found.impacts_per_period, found.lyapunov,
-                          found.attractor_period, found.attractor, found.points);
+  }
+
+ public:
+  // Machine and observer with starts of these energies; see draw_starts().
+  std::pair<Scene, Scene> drawn(Scene machine, Scene observer, std::uint64_t seed,
+                                std::uint64_t stream, double of_machine,
+                                const std::optional<double>& of_replica) const {
+    return stoppable([&] {
+      draw_starts(seed, stream, of_machine, of_replica, machine, observer);
+      return std::pair(std::move(machine), std::move(observer));
+    });
+  }
+
+  Truth run(const Scene& machine, double duration, double tick, int samples) const {
+    return stoppable([&] { return run_machine(machine, duration, tick, samples); });
+  }
+
+  // Figures of each estimator. One that does not exist raises ModelError, or, with `or_none`, has
+  // an infinite V.
+  std::vector<Figures> follow(const std::vector<std::string>& estimators, const Scene& observer,
+                              const Truth& truth, std::uint64_t seed, std::uint64_t stream,
+                              double threshold, double jitter, double offset, double lost,
+                              double spurious, bool or_none) const {
+    std::vector<EstimatorKind> kinds;
+    for (const std::string& name : estimators) kinds.push_back(to_estimator(name));
+    return stoppable([&] {
+      const auto contacts = static_cast<int>(truth.model.contacts.size());
+      const std::vector<ContactEvent> events = disturb(
+          truth.events, {jitter, offset, lost, spurious}, contacts, truth.end, seed, stream);
+      std::vector<Figures> figures;
+      for (const EstimatorKind kind : kinds) {
+        try {
+          figures.push_back(python::follow(kind, observer, events, truth, threshold));
+        } catch (const ModelError&) {
+          if (!or_none) throw;
+          Figures& none = figures.emplace_back();
+          none.V_floor = infinity;
+          none.V.assign(static_cast<std::size_t>(truth.q.cols()), infinity);
+        }
+      }
+      add_worse(kinds, figures);
+      return figures;
+    });
+  }
+
+  // Median of the replica's bound in the second half of a run, under a tolerance; infinite if there
+  // is none. `uncertainty`: of a scene without one.
+  double bound(Scene scene, const Tolerance& tolerance, const Eigen::VectorXd& uncertainty,
+               const Truth& truth) const {
+    return stoppable([&] {
+      scene.prior.tolerance = tolerance;
+      if (scene.prior.uncertainty.size() == 0) scene.prior.uncertainty = uncertainty;
+      if (!why_no_bound(scene).empty()) return infinity;
+      return certified_floor(scene, truth.events, truth.end).median;
+    });
+  }
+
+  Recurrence recurrence(const Scene& machine, double period, int transient, int periods,
+                        int longest, bool lyapunov) const {
+    const RecurrenceSettings settings{.period = period,
+                                      .transient = transient,
+                                      .periods = periods,
+                                      .longest = longest,
+                                      .lyapunov = lyapunov};
+    return stoppable(
+        [&] { return sprag::recurrence(machine.model, machine.truth.start, settings); });
   }
 
   void stop() { stop_.request_stop(); }
@@ -112,6 +132,48 @@ class StudyRuns {
  private:
   std::stop_source stop_;
 };
+
+std::int64_t closings(const Truth& truth) {
+  return std::count_if(truth.events.begin(), truth.events.end(), [](const ContactEvent& event) {
+    return event.kind != ContactEventKind::opens;
+  });
+}
+
+// The scene with a wrong parameter: by a share of its value, or where `logarithmic` is not set by
+// an amount. Throws ModelError if the parameter cannot have this value.
+Scene with_wrong(const Scene& scene, const std::string& key, double amount) {
+  const Unknown unknown = unknown_of(scene, key);
+  const double value =
+      unknown.logarithmic ? unknown.nominal * (1.0 + amount) : unknown.nominal + amount;
+  const bool never_negative =
+      unknown.kind == Unknown::Kind::restitution || unknown.kind == Unknown::Kind::damping;
+  if ((unknown.upper_limit > 0.0 && value > unknown.upper_limit) ||
+      (never_negative && value < 0.0)) {
+    throw ModelError(key + " cannot be off by so much");
+  }
+  return with(scene, unknown, value);
+}
+
+py::list parameters_of(const Scene& scene) {
+  // The fields of Tolerance that cover parameters.
+  const std::map<Unknown::Kind, const char*> bounded{{Unknown::Kind::restitution, "restitution"},
+                                                     {Unknown::Kind::stiffness, "stiffness"},
+                                                     {Unknown::Kind::damping, "damping"}};
+  py::list parameters;
+  for (const Unknown& unknown : unknowns_of(scene)) {
+    const bool factor = unknown.unit.empty() && unknown.nominal == 1.0;
+    const auto covered = bounded.find(unknown.kind);
+    py::dict of;
+    of["key"] = unknown.key;
+    of["unit"] = unknown.logarithmic || factor ? "" : unknown.unit.empty() ? "1" : unknown.unit;
+    of["nominal"] = unknown.nominal;
+    of["most"] = unknown.logarithmic ? 0.5 : unknown.unit_step;
+    of["frequency"] = unknown.kind == Unknown::Kind::frequency;
+    of["bounded"] = covered == bounded.end() ? "" : covered->second;
+    parameters.append(of);
+  }
+  return parameters;
+}
 
 // A node as _study_file.Node has it.
 py::tuple to_python(const toml::node& node, const toml::source_position& key) {
@@ -189,37 +251,34 @@ std::string csv_fields(const std::vector<double>& values) {
 
 void bind_studies(py::module_& module) {
   module.attr("_compiler") = compiler;
-  module.def("_parse_toml", &parse_toml, py::arg("text"), py::arg("file"),
+  module.def("_parse_toml", &parse_toml, "text"_a, "file"_a,
              "A text as nodes: value, line, column, line and column of the key, whether it is an "
              "inline table.");
   module.def(
       "_read_whole", [](const std::filesystem::path& file) { return py::bytes(read_whole(file)); },
-      py::arg("file"));
-  module.def("_read_study_scene", &read_study_scene, py::arg("file"),
+      "file"_a);
+  module.def("_read_study_scene", &read_study_scene, "file"_a,
              "A scene, its remarks, and the files that it names.");
   module.def(
       "_parse_study_scene",
       [](const std::string& text, const std::string& file) { return parse_scene(text, file); },
-      py::arg("text"), py::arg("file"), "The scene without warnings.");
-  module.def("_with_numbers", &with_numbers, py::arg("text"), py::arg("numbers"), py::arg("file"),
+      "text"_a, "file"_a, "The scene without warnings.");
+  module.def("_with_numbers", &with_numbers, "text"_a, "numbers"_a, "file"_a,
              "The text of a scene with these numbers, by their paths.");
   module.def(
       "_number_of",
       [](const std::string& text, const std::string& path, const std::string& file) {
         return number_of(text, path, no_number, file);
       },
-      py::arg("text"), py::arg("path"), py::arg("file"),
-      "The number of a path in the text of a scene; nan without it.");
-  module.def("_in_modes", &in_modes, py::arg("scene"), py::arg("modes"));
+      "text"_a, "path"_a, "file"_a, "The number of a path in the text of a scene; nan without it.");
+  module.def("_in_modes", &in_modes, "scene"_a, "modes"_a);
   module.def(
-      "_end_of_inputs", [](const Scene& scene) { return end_of_inputs(scene.model); },
-      py::arg("scene"));
+      "_end_of_inputs", [](const Scene& scene) { return end_of_inputs(scene.model); }, "scene"_a);
   module.def(
-      "_only_frequency", [](const Scene& scene) { return only_frequency(scene.model); },
-      py::arg("scene"));
-  module.def("_why_not_adaptive", &why_not_adaptive, py::arg("scene"));
+      "_only_frequency", [](const Scene& scene) { return only_frequency(scene.model); }, "scene"_a);
+  module.def("_why_not_adaptive", &why_not_adaptive, "scene"_a);
   module.def(
-      "_has_master", [](const Scene& scene) { return scene.truth.given; }, py::arg("scene"));
+      "_has_master", [](const Scene& scene) { return scene.truth.given; }, "scene"_a);
   module.def(
       "_uniforms",
       [](std::uint64_t seed, std::uint64_t stream, int count) {
@@ -228,32 +287,49 @@ void bind_studies(py::module_& module) {
         for (double& value : values) value = random.uniform();
         return values;
       },
-      py::arg("seed"), py::arg("stream"), py::arg("count"),
-      "Random numbers in [0, 1) for the axes.");
-  module.def("_csv_fields", &csv_fields, py::arg("values"), "Each with a comma after it.");
+      "seed"_a, "stream"_a, "count"_a, "Random numbers in [0, 1) for the axes.");
+  module.def("_csv_fields", &csv_fields, "values"_a, "Each with a comma after it.");
 
-  py::class_<StudyRuns>(module, "_StudyRuns", "Computes the runs of a study.")
+  module.def("_parameters_of", &parameters_of, "scene"_a);
+  module.def("_with_wrong", &with_wrong, "scene"_a, "key"_a, "amount"_a,
+             "The scene with a parameter off by a share of its value, or by an amount.");
+
+  const auto rows = [](Eigen::MatrixXd Truth::*member) {
+    return [member](const Truth& truth) { return Eigen::MatrixXd((truth.*member).transpose()); };
+  };
+  ValueClass<Truth>(module, "_Truth", "A run of a machine.")
+      .get("closings", "Number of events that close a contact.", &closings)
+      .get("q", "Coordinates at the samples, n x f.", rows(&Truth::q))
+      .get("u", "Velocities at the samples, n x f.", rows(&Truth::u));
+  ValueClass<Figures>(module, "_Figures", "Figures of one estimator in one run.")
+      .get("V_floor", "Median of V, settled.", &Figures::V_floor)
+      .get("V_max", "Largest V, settled.", &Figures::V_max)
+      .get("rate", "Rate of decay of V.", &Figures::rate)
+      .get("time_below", "First time with V below the threshold.", &Figures::time_below)
+      .get("nees", "Mean of (error / sigma)^2, settled.", &Figures::nees)
+      .get("beyond_3_sigma", "Share of the errors beyond 3 sigma.", &Figures::beyond_3_sigma)
+      .get("trusted", "Share of samples from the filter.", &Figures::trusted)
+      .get("worse", "Share of settled samples with V far above the replica's.", &Figures::worse);
+  ValueClass<Recurrence>(module, "_Recurrence", "What a stroboscope shows of a machine.")
+      .get("impacts_per_period", "Impacts per period.", &Recurrence::impacts_per_period)
+      .get("lyapunov", "Largest Lyapunov exponent.", &Recurrence::lyapunov)
+      .get("attractor_period", "In periods; 0: none.", &Recurrence::attractor_period)
+      .get("attractor", "A point of it, 2 f entries.", &Recurrence::attractor)
+      .get("points", "State at each period, n x 2 f.", &Recurrence::points);
+  ValueClass<Trials>(module, "_Trials", "Runs of machines and of observers that follow them.")
       .def(py::init<>())
-      .def(
-          "run",
-          [](const StudyRuns& runs, const Scene& machine, const Scene& observer, std::uint64_t seed,
-             std::uint64_t stream, double start_machine, const std::optional<double>& start_replica,
-             double duration, double tick, int samples, double threshold,
-             const std::array<double, 4>& disturbance, const std::vector<std::string>& estimators,
-             bool impacts, const std::optional<Stroboscope>& stroboscope) {
-            const auto& [jitter, offset, lost, spurious] = disturbance;
-            return runs.run(machine, observer, seed, stream, start_machine, start_replica, duration,
-                            tick, samples, threshold, {jitter, offset, lost, spurious}, estimators,
-                            impacts, stroboscope);
-          },
-          py::arg("machine"), py::arg("observer"), py::arg("seed"), py::arg("stream"),
-          py::arg("start_machine"), py::arg("start_replica"), py::arg("duration"), py::arg("tick"),
-          py::arg("samples"), py::arg("threshold"), py::arg("disturbance"), py::arg("estimators"),
-          py::arg("impacts"), py::arg("stroboscope"),
-          "disturbance: jitter, offset, lost, spurious; stroboscope: period, transient, periods, "
-          "longest cycle, whether Lyapunov exponents. Returns figures of the estimators, closings, "
-          "impacts_per_period, lyapunov, attractor.period, attractor and points.")
-      .def("stop", &StudyRuns::stop, "Ends all calls.");
+      .def("drawn", &Trials::drawn, "machine"_a, "observer"_a, "seed"_a, "stream"_a,
+           "of_machine"_a = 0.0, "of_replica"_a = py::none(),
+           "Machine and observer with random starts of these energies.")
+      .def("run", &Trials::run, "machine"_a, "duration"_a, "tick"_a, "samples"_a)
+      .def("follow", &Trials::follow, "estimators"_a, "observer"_a, "truth"_a, "seed"_a, "stream"_a,
+           "threshold"_a, py::kw_only(), "jitter"_a = 0.0, "offset"_a = 0.0, "lost"_a = 0.0,
+           "spurious"_a = 0.0, "or_none"_a = false, "Figures of each estimator.")
+      .def("bound", &Trials::bound, "scene"_a, "tolerance"_a, "uncertainty"_a, "truth"_a,
+           "Median of the replica's bound in the second half; infinite if there is none.")
+      .def("recurrence", &Trials::recurrence, "machine"_a, "period"_a, "transient"_a, "periods"_a,
+           "longest"_a, "lyapunov"_a)
+      .def("stop", &Trials::stop, "Ends all calls.");
 }
 
 }  // namespace sprag::python

@@ -142,7 +142,7 @@ std::vector<ContactEvent> disturb(std::span<const ContactEvent> events,
 }
 
 Truth run_machine(const Scene& machine, double duration, double tick, int samples) {
-  Truth truth{machine.model, {}, tick, 1, {}, {}};
+  Truth truth{machine.model, {}, tick, 1, duration, {}, {}};
   std::int64_t count = samples;
   if (tick > 0.0) {
     const std::int64_t ticks = last_tick(duration, tick);

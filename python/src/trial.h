@@ -36,6 +36,7 @@ struct Truth {
   std::vector<ContactEvent> events;  ///< up to the duration
   double tick = 0.0;                 ///< of the observer [s]
   std::int64_t stride = 1;           ///< ticks between samples
+  double end = 0.0;                  ///< the duration [s]
   Eigen::MatrixXd q, u;              ///< f x samples + 1: column k at tick k stride
 
   std::int64_t samples() const { return q.cols() - 1; }

@@ -111,17 +111,18 @@ class ToleranceTest(unittest.TestCase):
         self.assertRegex(str(found), r"event times jitter +- ")
 
     def test_a_wrong_parameter_stays_valid(self):
-        bench = _core._Bench(scene("lab_rig"))
+        rig = scene("lab_rig")
 
         def restitution(amount):
-            return bench.wrong("impact.restitution", amount).model.contacts[0].restitution
+            wrong = _core._with_wrong(rig, "impact.restitution", amount)
+            return wrong.model.contacts[0].restitution
 
         self.assertAlmostEqual(restitution(0.1), 0.66)
         self.assertAlmostEqual(restitution(-0.1), 0.54)
         with self.assertRaisesRegex(sprag.ModelError, "restitution cannot be off by so much"):
             restitution(0.8)
-        K = bench.wrong("system.K", -0.2).model.K
-        np.testing.assert_allclose(K, 0.8 * scene("lab_rig").model.K, atol=1e-9)
+        K = _core._with_wrong(rig, "system.K", -0.2).model.K
+        np.testing.assert_allclose(K, 0.8 * rig.model.K, atol=1e-9)
 
     def test_drift_is_given_to_filters_only(self):
         asked = {
@@ -139,14 +140,13 @@ class ToleranceTest(unittest.TestCase):
 
     def test_an_adaptive_observer_tolerates_parameters_that_it_identifies(self):
         beam = scene("paper_beam").replace(jitter=1e-4)
-        bench = _core._Bench(beam)
-        truth = bench.run(100.0, 400)
-        wrong = bench.wrong("beam.bending_stiffness", 0.05)
-        replica, adaptive = bench.follow(
-            ["replica", "adaptive"], wrong, truth, 0, 1.0, jitter=beam.jitter
-        )
-        self.assertLess(adaptive[0], 1e-3 * replica[0])
-        self.assertEqual(adaptive[2], 0.0)
+        trials = _core._Trials()
+        truth = trials.run(beam, 100.0, 0.0, 400)
+        wrong = _core._with_wrong(beam, "beam.bending_stiffness", 0.05)
+        args = (["replica", "adaptive"], wrong, truth, 1, 0, 1.0)
+        replica, adaptive = trials.follow(*args, jitter=beam.jitter)
+        self.assertLess(adaptive.V_floor, 1e-3 * replica.V_floor)
+        self.assertEqual(adaptive.worse, 0.0)
 
     def test_results_do_not_depend_on_threads(self):
         asked = {"runs": 2, "duration": 20.0, "estimators": ["replica", "timing"]}
