@@ -18,57 +18,7 @@ from ._errors import BusError, Error, InputError, ModelError, SceneError, Simula
 from ._version import __version__
 
 if importlib.util.find_spec(f"{__name__}._core"):
-    from ._core import (
-        Assessment,
-        Beam,
-        Candidate,
-        Contact,
-        Diagnosis,
-        Energies,
-        Estimate,
-        EstimateListener,
-        Estimates,
-        EventPublisher,
-        Finding,
-        Force,
-        Harmonic,
-        Identification,
-        Inconsistency,
-        KeptModes,
-        LiveEstimate,
-        Model,
-        Observer,
-        Output,
-        ParameterUncertainty,
-        Prediction,
-        Record,
-        Reduction,
-        Reductions,
-        Scene,
-        Simulation,
-        Smoothed,
-        SmoothedStretch,
-        State,
-        Tolerance,
-        beam_contact,
-        beam_model,
-        check,
-        diagnose,
-        energies,
-        event_dtype,
-        identify,
-        impacts,
-        observe,
-        parse_scene,
-        predict,
-        read_events,
-        read_scene,
-        reduce,
-        simulate,
-        smooth,
-        to_toml,
-        write_scene,
-    )
+    from ._core import *  # noqa: F403
     from ._events import ContactEventKind, pulses
     from ._studies import Study, read_study
     from .importing import import_events
@@ -90,7 +40,7 @@ def __getattr__(name: str) -> object:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-__all__ = [
+__all__ = [  # noqa: F405
     "__version__",
     "Assessment",
     "Beam",
