@@ -64,7 +64,7 @@ class LiveObserver {
     // New samples of a streamed input change flows, which another thread must not build meanwhile.
     if (!estimation_.stream) flow_builder_.emplace(estimation_.estimator.flows());
     if (const MachineFamily* family = estimation_.estimator.family()) {
-      identification_.emplace(*family, TrackingEstimator::most_events);
+      identification_.emplace(*family, MachineAdaptation::most_events);
       loop_.identify_in(*identification_);
     }
     if (!options.impacts.empty() && estimation_.stream) {

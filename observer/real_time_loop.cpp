@@ -34,11 +34,6 @@ RealTimeLoop::RealTimeLoop(Estimation& estimation, std::int64_t last, Freshness 
   new_events_due_.reserve(most_new_events);
 }
 
-void RealTimeLoop::identify_in(IdentificationThread& thread) {
-  identification_ = &thread;
-  wanted_.events.reserve(TrackingEstimator::most_events);
-}
-
 void RealTimeLoop::run(const std::atomic<bool>& stop) {
   bool in_time = true;
   status_reported_ = monotonic_now();
@@ -262,13 +257,7 @@ void RealTimeLoop::on_tick(const State& state) {
 
 bool RealTimeLoop::on_settled(const State& state) {
   if (follower_ != nullptr && !hand_over_events()) return false;
-  if (state.tick <= last_ && !send(true, state)) return false;
-  if (state.tick < last_ && estimation_.estimator.waits(state)) {
-    estimation_.estimator.wanted(state, wanted_);
-    asked_ = false;
-    time_line_.hold(state.tick);
-  }
-  return true;
+  return state.tick > last_ || send(true, state);
 }
 
 // Hands over all events and the horizon; false if the queue has no room for all of them yet.
@@ -304,12 +293,14 @@ bool RealTimeLoop::hand_over_events() {
 // Settled ticks wait for identifications; provisional ticks do not.
 void RealTimeLoop::identify() {
   if (identification_ == nullptr) return;
-  if (const AdaptationResult* result = identification_->result()) {
-    estimation_.estimator.put(*result);
-    // The result may belong to an earlier session; then the estimator ignores it.
-    if (asked_ && time_line_.held()) time_line_.release();
+  const AdaptationResult* result = identification_->result();
+  // A restart of the time line makes a running task void.
+  if (result != nullptr && asked_ == time_line_.starts()) time_line_.finish(*result);
+  if (result != nullptr) asked_ = 0;
+  const bool due = time_line_.waits() && time_line_.handed_out() < last_;
+  if (due && asked_ != time_line_.starts() && identification_->ask(time_line_.task())) {
+    asked_ = time_line_.starts();
   }
-  if (!asked_ && time_line_.held()) asked_ = identification_->ask(wanted_);
 }
 
 // After a rollback the last tick reached is sent once more.

@@ -26,7 +26,7 @@ class RealTimeLoop {
   RealTimeLoop& operator=(const RealTimeLoop&) = delete;
 
   /// Sets the thread that runs an adaptive estimator's identifications; it must outlive this.
-  void identify_in(IdentificationThread& thread);
+  void identify_in(IdentificationThread& thread) { identification_ = &thread; }
 
   /// Sets the receiver of settled events and ticks; it must outlive this.
   void set_follower(SettledFollower& follower) { follower_ = &follower; }
@@ -107,10 +107,7 @@ class RealTimeLoop {
   std::int64_t reported_events_ = 0;  // number of events that the follower has received
   double reported_horizon_ = -1.0;    // horizon that the follower has received [s]
   IdentificationThread* identification_ = nullptr;
-  AdaptationTask wanted_;
-  // False: wanted_ waits to be handed to the identification thread. Set to false when a settled
-  // tick needs an identification; true again when the thread accepts the task.
-  bool asked_ = true;
+  std::int64_t asked_ = 0;  // start of the time line whose task the thread runs; 0: none
   std::atomic<bool> done_{false};
   IntegrationFigures figures_;
   IntegrationStatus status_;          // accumulates the period since the last status

@@ -23,6 +23,7 @@
 #include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/files/impacts_file.h"
 #include "sprag/detail/files/predictions_file.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/instant.h"
 
 namespace sprag {
@@ -193,10 +194,9 @@ class Replay {
 
   // Runs at most `ticks` ticks; true when everything up to the watermark has settled.
   bool run(std::int64_t ticks = std::numeric_limits<std::int64_t>::max()) {
-    return time_line_.run(
-        0, [](const auto&) {},
+    return sprag::settle(
+        time_line_, last_,
         [&](const Estimation::State& state) {
-          check_interrupt();
           if (state.tick <= last_) show(state);
           return true;
         },
@@ -219,7 +219,6 @@ class Replay {
       predictions_file_->write(estimation_.estimator.predict(state, *predictor_, ahead_));
     }
     impacts_.clear();
-    identify(state);
     if (settled_.writes_states()) {
       estimation_.describe(state, true, sample_);
       settled_.take(sample_);
@@ -231,11 +230,6 @@ class Replay {
     }
   }
 
-  // To be called before the next tick, which depends on the result.
-  void identify(const Estimation::State& state) {
-    if (state.tick < last_) identify_now(estimation_.estimator, state, identified_);
-  }
-
   void conclude(const Estimation::State& state) {
     estimation_.describe(state, state.tick <= time_line_.settled_tick(), sample_);
     settled_.conclude(sample_);
@@ -244,7 +238,6 @@ class Replay {
   ContactClock clock_;
   Estimation estimation_;
   TimeLine& time_line_ = estimation_.time_line;
-  AdaptationResult identified_;
   SettledOutput settled_;
   EstimateSample sample_;
   std::int64_t last_;

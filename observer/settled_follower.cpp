@@ -4,6 +4,7 @@
 
 #include "lcmtypes/wall_clock.h"
 #include "observer/messages.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/interrupt.h"
 
 namespace sprag {
@@ -86,14 +87,11 @@ void SettledFollower::take(const Settled& item) {
 
 void SettledFollower::settle(double horizon) {
   time_line_.set_horizon(std::min(horizon, tick_instant(last_, estimator_.h()).hi));
-  time_line_.run(
-      0, [](const TrackingState&) {},
-      [this](const TrackingState& state) {
-        if (!impacts_.empty()) prediction_due_ = true;
-        write_impacts();
-        if (state.tick < last_) identify_now(estimator_, state, identified_);
-        return true;
-      });
+  sprag::settle(time_line_, last_, [this](const TrackingState&) {
+    if (!impacts_.empty()) prediction_due_ = true;
+    write_impacts();
+    return true;
+  });
 }
 
 // Predicts from the last settled state only: a follower that is late must not predict past events.

@@ -68,7 +68,6 @@ class SettledFollower {
   std::int64_t last_;
   TrackingEstimator estimator_;
   TimeLine time_line_;
-  AdaptationResult identified_;
   std::int64_t session_ = 0;
   std::vector<ImpactRecord> impacts_;
   std::optional<ImpactsWriter> writer_;

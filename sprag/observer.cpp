@@ -11,6 +11,7 @@
 #include "sprag/confidence.h"
 #include "sprag/detail/bound/guarantee.h"
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
@@ -50,8 +51,7 @@ void require_tick(double tick) {
 
 }  // namespace
 
-// A TimeLine up to the horizon, the events after it, and a provisional state after the settled
-// ticks.
+// A TimeLine up to the horizon, the events after it, and a copy of both that runs ahead.
 class Observer::Core {
  public:
   Core(const Scene& scene, const ObserverSettings& settings)
@@ -70,7 +70,6 @@ class Observer::Core {
       time_line_.set_lag(guarantee_->lag());
     }
     time_line_.restart(0, 0, 0, no_horizon);
-    settled_ = time_line_.present();
   }
 
   bool take(const ContactEvent& event) {
@@ -80,9 +79,10 @@ class Observer::Core {
       time_line_.receive(event);
       return false;
     }
-    insert(event, waiting_);
-    if (ahead_ && event.t <= time_of(ahead_->tick)) ahead_.reset();
-    if (ahead_) insert(event, known_);
+    const auto later = std::upper_bound(waiting_.begin(), waiting_.end(), event, earlier);
+    if (ahead_ && (later != waiting_.end() || event.t <= time_of(ahead_->now()))) ahead_.reset();
+    if (ahead_) ahead_->receive(event);
+    waiting_.insert(later, event);
     return true;
   }
 
@@ -97,31 +97,37 @@ class Observer::Core {
 
   std::vector<Estimate> settle(const std::stop_token& stop) {
     std::vector<Estimate> estimates;
-    const auto ignore = [](const auto&) {};
-    const auto take = [&](const State& state) {
+    const auto take = [&](const TrackingState& state) {
       estimates.push_back(estimate(state, true));
-      settled_ = state;
-      identify_now(estimator_, state, identified_);
       return true;
     };
-    while (!stop.stop_requested() && !time_line_.run(0, ignore, take, ticks_between_checks)) {
+    while (!stop.stop_requested() &&
+           !sprag::settle(time_line_, max_tick, take, ticks_between_checks)) {
     }
     if (!estimates.empty()) ahead_.reset();
     return estimates;
   }
 
   Estimate at(double t, const std::stop_token& stop) {
-    if (!(t >= time_of(settled_.tick)) || !std::isfinite(t)) {
+    if (!(t >= time_of(std::max<std::int64_t>(time_line_.handed_out(), 0))) || !std::isfinite(t)) {
       throw std::invalid_argument("no estimate at t = " + std::to_string(t) +
                                   ": it must be at or after the last settled tick");
     }
     const std::int64_t last = last_tick(t, tick());
-    if (!ahead_ || ahead_->tick > last) start_ahead();
-    while (ahead_->tick < last) {
-      if (stop.stop_requested()) throw Interrupted();
-      step_ahead();
+    if (!ahead_ || ahead_->now() > last) {
+      ahead_.emplace(time_line_);
+      for (const ContactEvent& event : waiting_) ahead_->receive(event);
     }
-    return estimate(*ahead_, false);
+    if (ahead_->now() == last) return estimate(ahead_->present(), false);
+    Estimate of_last;
+    const auto on_tick = [&](const TrackingState& state) {
+      if (state.tick == last) of_last = estimate(state, false);
+    };
+    const auto pass = [](const TrackingState&) { return true; };
+    while (!ahead_->run(last, on_tick, pass, ticks_between_checks)) {
+      if (stop.stop_requested()) throw Interrupted();
+    }
+    return of_last;
   }
 
   void set_end(double t) {
@@ -132,56 +138,15 @@ class Observer::Core {
   const EventHistory& events() const { return time_line_.events(); }
 
  private:
-  using State = TrackingState;
   // Settled ticks are never rolled back.
   static constexpr std::int64_t history = 1;
   static constexpr std::int64_t ticks_between_checks = 16;  // of the stop token
 
   static bool earlier(const ContactEvent& a, const ContactEvent& b) { return a.t < b.t; }
-  // Inserts after the events of the same instant.
-  static void insert(const ContactEvent& event, std::vector<ContactEvent>& ordered) {
-    ordered.insert(std::upper_bound(ordered.begin(), ordered.end(), event, earlier), event);
-  }
 
   double time_of(std::int64_t k) const { return tick_instant(k, estimator_.h()).hi; }
 
-  // Next events up to this tick, without those that contradict earlier events.
-  std::span<const ContactEvent> events_of(std::int64_t tick, ContactSet chi) {
-    of_tick_.clear();
-    for (; next_ < known_.size() && first_tick_after(known_[next_].t, estimator_.h()) <= tick;
-         ++next_) {
-      const ContactEvent& event = known_[next_];
-      if (contains(chi, event.contact) != (event.kind == ContactEventKind::opens)) continue;
-      chi = after(chi, event);
-      of_tick_.push_back(event);
-    }
-    return of_tick_;
-  }
-
-  // Restarts the provisional state from the last settled tick, with all later events.
-  void start_ahead() {
-    const auto& history_events = time_line_.events().events();
-    const bool from_start = time_line_.handed_out() < 0;
-    known_.clear();
-    for (const ContactEvent& event : history_events) {
-      const bool later = first_tick_after(event.t, estimator_.h()) > settled_.tick;
-      if (later || from_start) known_.push_back(event);
-    }
-    known_.insert(known_.end(), waiting_.begin(), waiting_.end());
-    next_ = 0;
-    ahead_ = settled_;
-    if (!from_start) return;
-    for_each_instant(
-        events_of(settled_.tick, ahead_->chi),
-        [&](std::span<const ContactEvent> of_one) { estimator_.apply(of_one, *ahead_); });
-  }
-
-  void step_ahead() {
-    const std::span<const ContactEvent> events = events_of(ahead_->tick + 1, ahead_->chi);
-    estimator_.tick(events, *ahead_);
-  }
-
-  Estimate estimate(const State& state, bool settled) {
+  Estimate estimate(const TrackingState& state, bool settled) {
     estimator_.output(state, q_, u_);
     estimator_.confidence(state, confidence_);
     const double t = time_of(state.tick);
@@ -229,16 +194,11 @@ class Observer::Core {
   std::vector<Output> outputs_;
   TrackingEstimator estimator_;
   TimeLine time_line_;
-  AdaptationResult identified_;
   Confidence confidence_;
   std::unique_ptr<Guarantee> guarantee_;
   Eigen::VectorXd q_, u_;
-  State settled_;                      // at the last tick that was returned; initially at tick 0
   std::vector<ContactEvent> waiting_;  // events after the horizon, in order
-  std::optional<State> ahead_;  // provisional state after settled_; empty: restart from settled_
-  std::vector<ContactEvent> known_;  // events of ahead_; next_ is the index of the next
-  std::size_t next_ = 0;
-  std::vector<ContactEvent> of_tick_;
+  std::optional<TimeLine> ahead_;      // of the provisional estimates; empty: copy time_line_ anew
 };
 
 Observer::Observer(const Scene& scene, const ObserverSettings& settings) {

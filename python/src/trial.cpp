@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "python/src/random.h"
+#include "sprag/detail/live/machine_adaptation.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/master.h"
@@ -169,7 +171,9 @@ void pursue(
     const Truth& truth,
     const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit) {
   TrackingEstimator::State state;
-  AdaptationResult result;
+  std::optional<MachineAdaptation> adaptation;
+  if (estimator.family() != nullptr) adaptation.emplace(estimator);
+  if (adaptation) adaptation->start(0.0, 0);
   estimator.start(start, 0, 0, state);
   auto next = events.begin();
   const auto up_to = [&](std::int64_t k) {
@@ -177,13 +181,15 @@ void pursue(
     while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
     return std::span<const ContactEvent>(first, next);
   };
-  if (const auto at_start = up_to(0); !at_start.empty()) estimator.apply(at_start, state);
+  auto events_of_tick = up_to(0);
+  if (!events_of_tick.empty()) estimator.apply(events_of_tick, state);
   visit(0, state);
   const std::int64_t last = truth.samples() * truth.stride;
   for (std::int64_t k = 1; k <= last; ++k) {
     check_interrupt();
-    identify_now(estimator, state, result);
-    estimator.tick(up_to(k), state);
+    if (adaptation && adaptation->settle(events_of_tick, state)) adaptation->identify(state);
+    events_of_tick = up_to(k);
+    estimator.tick(events_of_tick, state);
     if (k % truth.stride == 0) visit(k / truth.stride, state);
   }
 }

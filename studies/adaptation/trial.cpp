@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/machine_adaptation.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
@@ -211,21 +212,23 @@ Outcome run(const Scene& machine, const Trial& trial, std::uint64_t seed) {
   const Eigen::Index f = machine.model.coordinates();
   Eigen::VectorXd q_m(f), u_m(f), q(f), u(f);
   Confidence confidence = adaptive.no_confidence();
-  AdaptationResult result;
+  MachineAdaptation adaptation(adaptive);
+  adaptation.start(0.0, 0);
   Outcome outcome;
   Reports reports(machine, trial, draw);
   const auto ticks = last_tick(trial.duration, trial.tick);
   std::vector<ContactEvent> drawn, reported;
   for (std::int64_t k = 1; k <= ticks; ++k) {
     const Instant t = tick_instant(k, trial.tick);
-    reports.advance(t, reported);
-    for (const ContactEvent& event : reported) outcome.events.push_back(event.t);
     const std::clock_t begin = std::clock();
-    if (identify_now(adaptive, state, result)) {
+    if (adaptation.settle(reported, state)) {
+      adaptation.identify(state);
       outcome.longest_identification =
           std::max(outcome.longest_identification,
                    static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
     }
+    reports.advance(t, reported);
+    for (const ContactEvent& event : reported) outcome.events.push_back(event.t);
     adaptive.tick(reported, state);
     replica.tick(reported, of_replica);
     both.tick(reported, of_both);

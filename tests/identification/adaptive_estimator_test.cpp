@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include "sprag/detail/filter/tracking_estimator.h"
-#include "sprag/detail/live/time_line.h"
+#include "sprag/detail/live/drive.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
@@ -121,21 +121,11 @@ TEST(TrackingEstimator, ExcludesSpuriousEvent) {
   events.insert(events.begin() + 40, ContactEvent{t, 0, ContactEventKind::pulse});
   constexpr double h = 0.02;
   TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
-  TrackingState state;
-  estimator.start(scene.prior.start, 0, 0, state);
-  AdaptationResult result;
-  std::size_t next = 0;
   Confidence confidence = estimator.no_confidence();
-  for (std::int64_t k = 1; k <= 2000; ++k) {
-    const std::size_t first = next;
-    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    identify_now(estimator, state, result);
-    estimator.tick(std::span(events).subspan(first, next - first), state);
+  drive(estimator, scene, events, 40.0, [&](const TrackingState& state) {
     estimator.note(state, confidence);
-    if (confidence.parameters.accepted >= 0.0) {
-      ASSERT_TRUE(confidence.from_filter) << k;
-    }
-  }
+    EXPECT_TRUE(confidence.parameters.accepted < 0.0 || confidence.from_filter) << state.tick;
+  });
   EXPECT_EQ(confidence.inconsistencies, 1);
   EXPECT_EQ(confidence.last.suspicion, Suspicion::spurious_event);
   EXPECT_EQ(confidence.last.t, t);
@@ -152,8 +142,6 @@ TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
     TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
     TimeLine line(estimator, 1, scene.prior.start, history);
     line.restart(0, 0, 0, no_horizon);
-    AdaptationTask task;
-    AdaptationResult result;
     std::vector<Row> rows;
     std::int64_t due = -1;
     std::size_t next = 0;
@@ -164,9 +152,7 @@ TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
       while (next < events.size() && events[next].t <= t) line.receive(events[next++]);
       line.set_horizon(t);
       if (due >= 0 && k >= due) {
-        result = run(task, *estimator.family());
-        estimator.put(result);
-        line.release();
+        EXPECT_TRUE(line.identify());
         due = -1;
       }
       // Provisional ticks ahead.
@@ -181,13 +167,9 @@ TEST(TrackingEstimator, LateResultsDoNotChangeTicks) {
             row.insert(row.end(), parameters.values.begin(), parameters.values.end());
             row.insert(row.end(), parameters.sigmas.begin(), parameters.sigmas.end());
             row.push_back(confidence.from_filter ? 1.0 : 0.0);
-            if (estimator.waits(state)) {
-              estimator.wanted(state, task);
-              line.hold(state.tick);
-              due = k + delay;
-            }
             return true;
           });
+      if (line.waits() && due < 0) due = k + delay;
     }
     EXPECT_GT(line.rollbacks().rollbacks, 10);  // for late events as well
     return rows;
@@ -211,23 +193,13 @@ TEST(TrackingEstimator, IdentifiesJumpingParametersAgain) {
   }
   constexpr double h = 0.02;
   TrackingEstimator estimator(scene, h, EstimatorKind::adaptive);
-  TrackingState state;
-  estimator.start(scene.prior.start, 0, 0, state);
-  AdaptationResult result;
-  std::size_t next = 0;
   double before = 0.0;
   Confidence confidence = estimator.no_confidence();
-  for (std::int64_t k = 1; k <= 5000; ++k) {
-    const std::size_t first = next;
-    while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    identify_now(estimator, state, result);
-    estimator.tick(std::span(events).subspan(first, next - first), state);
-    if (k == 1999) {
-      estimator.confidence(state, confidence);
-      before = confidence.parameters.values[0];
-    }
-  }
-  estimator.confidence(state, confidence);
+  drive(estimator, scene, events, 100.0, [&](const TrackingState& state) {
+    if (state.tick != 1999 && state.tick != 5000) return;
+    estimator.confidence(state, confidence);
+    if (state.tick == 1999) before = confidence.parameters.values[0];
+  });
   EXPECT_NEAR(before, 0.7, 1e-9);
   EXPECT_TRUE(confidence.from_filter);
   EXPECT_NEAR(confidence.parameters.values[0], 0.55, 1e-9);
@@ -246,8 +218,8 @@ TEST(TrackingEstimator, MayJoinLate) {
   std::int64_t k = first_tick_after(events[next].t, h);
   ASSERT_LT(events[next].t, tick_instant(k, h).hi);
   estimator.start(scene.prior.start, k, 0, state);
-  AdaptationTask task;
-  AdaptationResult result;
+  MachineAdaptation adaptation(estimator);
+  adaptation.start(tick_instant(k, h).hi, 0);
   for (bool first = true; k < 240; first = false) {
     const std::size_t from = next;
     if (!first) ++k;
@@ -255,15 +227,12 @@ TEST(TrackingEstimator, MayJoinLate) {
     const auto of_tick = std::span(events).subspan(from, next - from);
     if (first) {
       for_each_instant(of_tick, [&](const auto& of_one) { estimator.apply(of_one, state); });
-      continue;
+    } else {
+      estimator.tick(of_tick, state);
     }
-    if (estimator.waits(state)) {
-      estimator.wanted(state, task);
-      EXPECT_LE(task.begins, task.events.front().t);
-      result = run(task, *estimator.family());
-      estimator.put(result);
-    }
-    estimator.tick(of_tick, state);
+    if (!adaptation.settle(of_tick, state)) continue;
+    EXPECT_LE(adaptation.task().begins, adaptation.task().events.front().t);
+    adaptation.identify(state);
   }
   ASSERT_TRUE(state.track.status == TrackStatus::confirmed);
   Master master(machine.model, machine.truth.start);

@@ -6,7 +6,7 @@
 #include <memory>
 #include <random>
 
-#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/machine_adaptation.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/energy.h"
@@ -44,17 +44,19 @@ std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEven
   TrackingEstimator estimator(scene, tick_length, EstimatorKind::adaptive);
   TrackingState state;
   estimator.start(scene.prior.start, 0, 0, state);
-  AdaptationResult result;
+  MachineAdaptation adaptation(estimator);
+  adaptation.start(0.0, 0);
+  bool wanted = false;
   Confidence confidence = estimator.no_confidence();
   std::vector<Row> rows;
   std::size_t next = 0;
   for (std::int64_t k = 0; k <= last_tick(duration, tick_length); ++k) {
     const std::size_t first = next;
     while (next < events.size() && first_tick_after(events[next].t, tick_length) <= k) ++next;
-    if (k > 0) {
-      identify_now(estimator, state, result);
-      estimator.tick(std::span(events).subspan(first, next - first), state);
-    }
+    const auto of_tick = std::span(events).subspan(first, next - first);
+    if (wanted) adaptation.identify(state);
+    if (k > 0) estimator.tick(of_tick, state);
+    wanted = adaptation.settle(of_tick, state);
     Row row{k, Eigen::VectorXd(3), Eigen::VectorXd(3), {}, false};
     estimator.output(state, row.q, row.u);
     estimator.confidence(state, confidence);

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "sprag/detail/filter/family_flight.h"
-#include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/machine_adaptation.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/run.h"
 #include "tests/support/shaken_by_record.h"
@@ -26,26 +26,27 @@ TEST(TrackingEstimator, TicksDoNotAllocate) {
   estimator.start(given.prior.start, 0, 0, saved);
   Confidence confidence = estimator.no_confidence();
   Eigen::VectorXd q(3), u(3);
-  AdaptationTask task;
-  task.events.reserve(TrackingEstimator::most_events);
-  AdaptationResult result;
+  MachineAdaptation adaptation(estimator);
+  adaptation.start(0.0, 0);
   std::size_t next = 0;
   long allocations = 0, of_filter = 0, results = 0;
   for (std::int64_t k = 1; k <= 11000; ++k) {
     const std::size_t first = next;
     while (next < events.size() && events[next].t <= tick_instant(k, h).hi) ++next;
-    if (estimator.waits(state)) {
-      allocations += allocations_of([&] { estimator.wanted(state, task); });
-      result = run(task, *estimator.family());
-      ++results;
-      estimator.put(result);
-    }
+    const auto of_tick = std::span(events).subspan(first, next - first);
+    bool wanted = false;
     allocations += allocations_of([&] {
-      estimator.tick(std::span(events).subspan(first, next - first), state);
+      estimator.tick(of_tick, state);
       estimator.output(state, q, u);
       estimator.confidence(state, confidence);
       saved = state;
+      wanted = adaptation.settle(of_tick, state);
     });
+    if (wanted) {
+      const AdaptationResult result = run(adaptation.task(), *estimator.family());
+      allocations += allocations_of([&] { adaptation.finish(result, state); });
+      ++results;
+    }
     of_filter += confidence.from_filter ? 1 : 0;
   }
   EXPECT_EQ(allocations, 0);

@@ -47,39 +47,25 @@ std::vector<Delivery> deliver(const std::vector<ContactMessage>& reports, const 
 template <typename E>
 class LateResults {
  public:
-  explicit LateResults(E&) {}
-  void want(const typename E::State&, E&, TimeLine&) {}
-  void put(E&, TimeLine&) {}
-  void put_when_due(Random&, E&, TimeLine&) {}
+  void note(const TrackingState&) {}
+  void put_when_due(Random&, TimeLine&) {}
   bool used() const { return true; }
 };
 
 template <>
 class LateResults<IdentifyingAdaptive> {
  public:
-  explicit LateResults(IdentifyingAdaptive& estimator) { estimator.identifies = false; }
-  void want(const TrackingState& state, IdentifyingAdaptive& estimator, TimeLine& line) {
+  void note(const TrackingState& state) {
     used_ = used_ || state.track.status == TrackStatus::confirmed;
-    if (!estimator.waits(state)) return;
-    estimator.wanted(state, task_);
-    line.hold(state.tick);
   }
-  void put(IdentifyingAdaptive& estimator, TimeLine& line) {
-    if (!line.held()) return;
-    result_ = sprag::run(task_, *estimator.family());
-    estimator.put(result_);
-    line.release();
-  }
-  void put_when_due(Random& random, IdentifyingAdaptive& estimator, TimeLine& line) {
-    if (line.held() && random.chance(0.01)) put(estimator, line);
+  void put_when_due(Random& random, TimeLine& line) {
+    if (line.waits() && random.chance(0.01)) line.identify();
   }
   /// Whether a filter has used a result.
   bool used() const { return used_; }
 
  private:
   bool used_ = false;
-  AdaptationTask task_;
-  AdaptationResult result_;
 };
 
 template <typename E>
@@ -102,7 +88,7 @@ class NetworkTest : public ::testing::Test {
 
     E estimator(scene.model, h);
     TimeLine line(estimator, 1, scene.prior.start, history);
-    LateResults<E> results(estimator);
+    LateResults<E> results;
     SessionTracker tracker;
     Recording settled;
     std::int64_t next_seen = 0;
@@ -120,7 +106,7 @@ class NetworkTest : public ::testing::Test {
         case SessionTracker::Verdict::ignored:
           break;
       }
-      results.put_when_due(random, estimator, line);
+      results.put_when_due(random, line);
       if (random.chance(0.2)) continue;
       const double now = std::max(delivery.arrival + random.uniform(-1.0, 0.5), 0.0);
       line.run(
@@ -133,20 +119,19 @@ class NetworkTest : public ::testing::Test {
             EXPECT_LE(state.tick, line.settled_tick());
             if (random.chance(0.05)) return false;
             settled.add(estimator, state, scene.model.coordinates());
-            results.want(state, estimator, line);
+            results.note(state);
             return true;
           });
     }
     do {
-      results.put(estimator, line);
       line.run(
           0, [](const auto&) {},
           [&](const auto& state) {
             settled.add(estimator, state, scene.model.coordinates());
-            results.want(state, estimator, line);
+            results.note(state);
             return true;
           });
-    } while (line.held());
+    } while (line.identify());
     EXPECT_TRUE(results.used());
     ASSERT_EQ(line.events().counts().lost_records, 0) << "not a plan that repeats repair";
     EXPECT_EQ(line.events().events(), events);

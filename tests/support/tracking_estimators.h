@@ -3,6 +3,7 @@
 #pragma once
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/live/machine_adaptation.h"
 
 namespace sprag {
 
@@ -54,19 +55,29 @@ class ExactBoth : public JitteringBoth {
   ExactBoth(const Model& model, double h) : JitteringBoth(model, h, 0.0) {}
 };
 
-/// For a machine with a parameter uncertainty of 2 %. It runs its identifications itself and at
-/// once, unless `identifies` is false.
+/// For a machine with a parameter uncertainty of 2 %. Called directly, not by a time line, it runs
+/// its identifications itself and at once.
 class IdentifyingAdaptive : public TrackingEstimator {
  public:
   IdentifyingAdaptive(const Model& model, double h)
       : TrackingEstimator(within(model), h, EstimatorKind::adaptive) {}
 
-  void tick(std::span<const ContactEvent> events, TrackingState& state) {
-    if (identifies) identify_now(*this, state, result_);
-    TrackingEstimator::tick(events, state);
+  void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state) {
+    TrackingEstimator::start(start, k, chi, state);
+    adaptation_.start(tick_instant(k, h()).hi, chi);
+    wanted_ = false;
   }
 
-  bool identifies = true;
+  void apply(std::span<const ContactEvent> events, TrackingState& state) {
+    TrackingEstimator::apply(events, state);
+    wanted_ = adaptation_.settle(events, state);
+  }
+
+  void tick(std::span<const ContactEvent> events, TrackingState& state) {
+    if (wanted_) adaptation_.identify(state);
+    TrackingEstimator::tick(events, state);
+    wanted_ = adaptation_.settle(events, state);
+  }
 
  private:
   static Scene within(const Model& model) {
@@ -75,7 +86,8 @@ class IdentifyingAdaptive : public TrackingEstimator {
     return scene;
   }
 
-  AdaptationResult result_;
+  MachineAdaptation adaptation_{*this};
+  bool wanted_ = false;
 };
 
 /// The published sigma of q, u and the gaps.

@@ -13,8 +13,6 @@
 namespace sprag {
 namespace {
 
-// After refused identifications a window grows up to this number of events, then it moves on.
-constexpr std::int64_t longest_window = 160;
 // `adaptive` accepts an identification if the expected energy of its error is below this share of
 // the energy of the replica's motion.
 constexpr double energy_to_accept = 0.25;
@@ -33,7 +31,6 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
   if (!has_filter(kind)) return;
   if (identifies_) {
     filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
-    received_.resize(2 * static_cast<std::size_t>(most_events));
   } else if (!scene.prior.parameters.empty()) {
     filter_ = std::make_unique<SceneFilter>(
         scene, unknowns_named(scene, scene.prior.parameters.keys), true);
@@ -42,13 +39,6 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
     filter_ = std::make_unique<SceneFilter>(
         scene, std::shared_ptr<Flows>(std::shared_ptr<Flows>(), &replica_.flows()));
   }
-}
-
-// The events of the search's first grid, and some more to judge the fit.
-std::int64_t TrackingEstimator::first_size() const {
-  const auto f = static_cast<std::int64_t>(filter_->flight->n());
-  const auto unknowns = static_cast<std::int64_t>(filter_->flight->unknowns());
-  return std::max(6 * f + 6, 2 * f + unknowns + 8);
 }
 
 void TrackingEstimator::start(const sprag::State& start, std::int64_t k, ContactSet chi,
@@ -61,18 +51,13 @@ void TrackingEstimator::start(const sprag::State& start, std::int64_t k, Contact
   state = std::move(fresh);
   state.tick = k;
   state.chi = chi;
-  state.window.closed = chi;
-  state.window.begins = tick_instant(k, h()).hi;
   state.track.trial = trial_;
   if (!filter_) return;
-  state.silence.last_received = state.window.begins;
+  const double t = tick_instant(k, h()).hi;
+  state.silence.last_received = t;
   state.silence.last_flight = filter_->first_flight;
-  received_at(state.window.begins, state);
-  if (identifies()) {
-    state.window.size = first_size();
-  } else {
-    start_from_prior(start, state);
-  }
+  received_at(t, state);
+  if (!identifies()) start_from_prior(start, t, state);
 }
 
 void TrackingEstimator::note_start(const FilterBelief& of) {
@@ -85,22 +70,22 @@ void TrackingEstimator::note_event(const ContactEvent& event, double sigma) {
   runs_->back().sigmas.push_back(sigma);
 }
 
-void TrackingEstimator::start_from_prior(const sprag::State& start, TrackingState& state) {
+void TrackingEstimator::start_from_prior(const sprag::State& start, double t,
+                                         TrackingState& state) {
   SceneFilter& filter = *filter_;
   filter.next = filter.nothing;
   filter.next.sigma = filter.sigma;
   filter_->set_prior(filter.next);
   filter.flight->set(filter.next.z.tail(filter.prior.rows()), false);
-  filter.flight->enter(start.q, start.u, state.window.begins, filter.x);
-  filter.filter.restart(state.window.begins, filter.x, filter.start, state.chi, filter.next);
+  filter.flight->enter(start.q, start.u, t, filter.x);
+  filter.filter.restart(t, filter.x, filter.start, state.chi, filter.next);
   note_start(filter.next);
-  state.window.accepted = state.window.begins;
+  state.accepted = t;
   if (!set_belief(filter.next, state) || !filter.flight->can_hold(state.chi)) return lose(state);
   state.track.status = filter.scale_is_open ? TrackStatus::tentative : TrackStatus::confirmed;
 }
 
 void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState& state) {
-  if (identifies() && state.window.wanted && has_result(state)) take_result(state);
   if (!filter_ || events.empty()) {
     replica_.tick(events, state.replica);
   } else {
@@ -114,7 +99,7 @@ void TrackingEstimator::tick(std::span<const ContactEvent> events, TrackingState
   }
   state.tick = state.replica.tick;
   state.chi = state.replica.chi;
-  if (filter_) end_tick(state);
+  if (filter_) watch(tick_instant(state.tick, h()).hi, state);
 }
 
 std::int64_t TrackingEstimator::coast(std::int64_t n, TrackingState& state) {
@@ -139,7 +124,7 @@ void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingStat
     for_each_instant(events, [&](std::span<const ContactEvent> of_one) { receive(of_one, state); });
   }
   state.chi = state.replica.chi;
-  if (filter_) end_tick(state);
+  if (filter_) watch(tick_instant(state.tick, h()).hi, state);
 }
 
 // Takes the events of one instant. The replica has already taken them; state.chi is the contact
@@ -147,20 +132,13 @@ void TrackingEstimator::apply(std::span<const ContactEvent> events, TrackingStat
 void TrackingEstimator::receive(std::span<const ContactEvent> events, TrackingState& state) {
   const double t = events.front().t;
   watch(t, state);
-  // The first event may be slightly earlier than the start.
-  if (state.window.events == 0) state.window.begins = std::min(state.window.begins, t);
   for (const ContactEvent& event : events) {
     if (filter_->may_start_inside && event.t == 0.0 && event.kind == ContactEventKind::closes) {
       state.inside |= bit(event.contact);
       lose(state);
     }
     if (event.kind == ContactEventKind::opens) state.inside &= ~bit(event.contact);
-    if (identifies()) {
-      const double before =
-          state.window.events > 0 ? reported(state.window.events - 1).event.t : state.window.begins;
-      reported(state.window.events) = {event, state.chi, before};
-    }
-    ++state.window.events;
+    ++state.events;
     state.chi = after(state.chi, event);
   }
   const BeliefRef before = state.belief;
@@ -172,20 +150,8 @@ void TrackingEstimator::receive(std::span<const ContactEvent> events, TrackingSt
       if (state.track.status == TrackStatus::confirmed) describe(before, event, state, record);
     }
   }
-  if (identifies() && state.window.events - state.window.first > most_events) {
-    begin_window(state.window.events - most_events, state);
-  }
   if (state.track.status == TrackStatus::lost) reset(t, events, state);
   received_at(t, state);
-}
-
-void TrackingEstimator::end_tick(TrackingState& state) {
-  const double t = tick_instant(state.tick, h()).hi;
-  watch(t, state);
-  if (identifies() && !state.belief &&
-      state.window.events - state.window.first >= state.window.size) {
-    state.window.wanted = true;
-  }
 }
 
 void TrackingEstimator::record_in(std::vector<ImpactRecord>& records) {
@@ -413,24 +379,16 @@ void TrackingEstimator::fail(const Inconsistency& inconsistency, TrackingState& 
   lose(state);
   if (identifies() && believed) {
     // If the machine has changed, it did so at this event.
-    begin_window(std::max<std::int64_t>(state.window.events - 1, 0), state);
+    state.changed = std::max<std::int64_t>(state.events - 1, 0);
   } else if (identifies()) {
     state.belief = {};
-    state.window.accepted = -1.0;
+    state.accepted = -1.0;
   } else if (!confirmed) {
     FilterBelief& next = filter_->next;
     next = *state.belief;
     filter_->set_prior(next);
     set_belief(next, state);
   }
-}
-
-void TrackingEstimator::begin_window(std::int64_t event, TrackingState& state) const {
-  state.window.first = event;
-  state.window.size = first_size();
-  if (event >= state.window.events) return;
-  state.window.begins = reported(event).before;
-  state.window.closed = reported(event).chi_before;
 }
 
 // Handles overdue and missing events and ends of bursts up to t. The times at which it finds them
@@ -534,58 +492,21 @@ void TrackingEstimator::reset(double t, std::span<const ContactEvent> events,
   received_at(t, state);
 }
 
-bool TrackingEstimator::waits(const TrackingState& state) const {
-  return identifies() && state.window.wanted && !has_result(state);
-}
-
-bool TrackingEstimator::has_result(const TrackingState& state) const {
-  if (result_ == nullptr) return false;
-  const AdaptationTask& task = result_->task;
-  if (task.number != state.window.events || task.closed != state.window.closed ||
-      task.begins != state.window.begins ||
-      static_cast<std::int64_t>(task.events.size()) != state.window.events - state.window.first) {
-    return false;
-  }
-  for (std::size_t i = 0; i < task.events.size(); ++i) {
-    if (!(reported(state.window.first + static_cast<std::int64_t>(i)).event == task.events[i]))
-      return false;
-  }
-  return true;
-}
-
-void TrackingEstimator::wanted(const TrackingState& state, AdaptationTask& task) const {
-  task.number = state.window.events;
-  task.begins = state.window.begins;
-  task.closed = state.window.closed;
-  task.events.clear();
-  for (std::int64_t i = state.window.first; i < state.window.events; ++i)
-    task.events.push_back(reported(i).event);
-}
-
-void TrackingEstimator::take_result(TrackingState& state) {
-  state.window.wanted = false;
-  ++state.window.identifications;
-  const std::int64_t first = first_size();
-  const FilterBelief& of = result_->belief;  // empty if not accepted
+bool TrackingEstimator::adopt(const AdaptationResult& result, TrackingState& state) {
+  ++state.identifications;
   const auto is_accurate = [&] {
-    filter_->of_state = of.S.topRows(2 * filter_->flight->n());
+    filter_->of_state = result.belief.S.topRows(2 * filter_->flight->n());
     const double of_error = filter_->flight->twice_energy(filter_->of_state);
     return of_error < energy_to_accept * note_energy(state);
   };
-  if (!result_->accepted || !is_accurate()) {
-    state.window.size += state.window.size / 2;
-    if (state.window.size > longest_window) {
-      begin_window(state.window.events - 2 * first, state);
-      state.window.size = 3 * first;
-    }
-    return;
-  }
+  if (!result.accepted || !is_accurate()) return false;
   lose(state);
-  if (!set_belief(of, state)) return;
-  state.window.accepted = tick_instant(state.tick, h()).hi;
-  if (!result_->state_is_known || state.chi != 0) return;
+  if (!set_belief(result.belief, state)) return true;
+  state.accepted = tick_instant(state.tick, h()).hi;
+  if (!result.state_is_known || state.chi != 0) return true;
   state.track.status = TrackStatus::confirmed;
   state.track.fitting = to_confirm(state);
+  return true;
 }
 
 bool TrackingEstimator::is_believed(const TrackingState& state) {
@@ -646,8 +567,8 @@ void TrackingEstimator::note(const TrackingState& state, Confidence& confidence)
   confidence.last = state.last;
   confidence.forgotten = state.forgotten;
   confidence.scale_is_lost = scale_is_lost(state);
-  confidence.parameters.accepted = state.window.accepted;
-  confidence.parameters.identifications = state.window.identifications;
+  confidence.parameters.accepted = state.accepted;
+  confidence.parameters.identifications = state.identifications;
   confidence.parameters.known = state.belief ? state.belief->t : -1.0;
 }
 
@@ -670,16 +591,6 @@ void TrackingEstimator::confidence(const TrackingState& state, Confidence& confi
   }
   if (!filter_->family) return;
   filter_->fill_parameters(t, state.belief ? &*state.belief : nullptr, confidence.parameters);
-}
-
-bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
-                  AdaptationResult& result) {
-  if (!estimator.waits(state)) return false;
-  AdaptationTask task;
-  estimator.wanted(state, task);
-  result = run(task, *estimator.family());
-  estimator.put(result);
-  return true;
 }
 
 Eigen::MatrixXd TrackingEstimator::belief(const TrackingState& state, Belief& belief) {

@@ -3,9 +3,8 @@
 // parameters.
 //
 // `timing` and `both` start the filter at the first tick from the prior of the scene: uncertainty
-// of the start and [parameters]. `adaptive` shows the replica until enough events have come, then
-// requests an identification (wanted(), task.h). If its result is accepted, the filter starts from
-// the posterior of the identification.
+// of the start and [parameters]. `adaptive` shows the replica until adopt() starts the filter from
+// the posterior of an identification (machine_adaptation.h).
 //
 // Supervision (track.h):
 //
@@ -18,10 +17,6 @@
 // * `timing` shows the filter from then on, with infinite deviations until it is confirmed.
 // * Parameters with a prior return to it after a failure before confirmation. Others are identified
 //   again from the events since.
-//
-// The state of a tick requests an identification, from the events up to this tick. Its result takes
-// effect at the next tick. Settled ticks must therefore wait until put() was called; provisional
-// ticks continue without it. So settled ticks depend on the events alone.
 #pragma once
 
 #include <array>
@@ -40,21 +35,6 @@
 #include "sprag/prediction.h"
 
 namespace sprag {
-
-/// Window of events for an identification. It excludes events that are known to precede a change of
-/// the machine.
-struct EventWindow {
-  std::int64_t events = 0;  ///< number of events since the start
-  std::int64_t first = 0;   ///< number of the window's first event
-  double begins = 0.0;      ///< all events after this time are known [s]
-  ContactSet closed = 0;    ///< contacts closed at that time
-  std::int64_t size = 0;  ///< number of events in the window that the next identification requires
-  bool wanted = false;  ///< an identification of the window is requested; set at the end of a tick
-                        ///< with enough events, cleared when its result is taken
-  std::int64_t identifications = 0;  ///< number of results taken, accepted or not
-  double accepted = -1.0;  ///< time at which the last accepted result, or the prior, took effect;
-                           ///< -1: none in effect [s]
-};
 
 /// Supervision of the time without reports: overdue and missing events.
 struct Silence {
@@ -91,8 +71,12 @@ struct TrackingState {
   std::int64_t tick = 0;  ///< number of the present tick
   ContactSet chi = 0;     ///< contacts closed by the events so far
   ReplicaState replica;
-  EventWindow window;
-  BeliefRef belief;  ///< empty before the first accepted identification
+  std::int64_t events = 0;   ///< number of events since the start
+  std::int64_t changed = 0;  ///< if the machine has changed: number of the event at which it did
+  std::int64_t identifications = 0;  ///< number of results taken, accepted or not
+  double accepted = -1.0;  ///< time at which the last accepted result, or the prior, took effect;
+                           ///< -1: none in effect [s]
+  BeliefRef belief;        ///< empty before the first accepted identification
   /// Beliefs before the last events, latest first, for ticks that may precede several of them.
   std::array<BeliefRef, 3> earlier;
   Silence silence;
@@ -151,20 +135,11 @@ class TrackingEstimator {
   void record_runs(std::vector<FilterRun>* runs) { runs_ = runs; }
   /// Null if the estimator has no filter.
   SceneFilter* filter() { return filter_.get(); }
-  /// Whether the next tick of this state must wait for an identification's result that is not put
-  /// yet.
-  bool waits(const TrackingState& state) const;
-  /// The requested identification. No call allocates if `task` has room for most_events events.
-  void wanted(const TrackingState& state, AdaptationTask& task) const;
-  /// Provides a result to the ticks after the state that requested it. `result` must not change or
-  /// end before another one is put. Does not allocate.
-  void put(const AdaptationResult& result) { result_ = &result; }
+  /// Restarts the filter at the present tick from the posterior of an identification. Returns false
+  /// if the result is not accepted or not accurate enough; then only counts it. Does not allocate.
+  bool adopt(const AdaptationResult& result, TrackingState& state);
   /// The family to identify with (run() in task.h); null if nothing is identified.
   const MachineFamily* family() const { return identifies() ? filter_->family.get() : nullptr; }
-
-  /// Largest number of events in a task. Also the largest number by which a state that identifies
-  /// may be ahead of another state to continue from.
-  static constexpr std::int64_t most_events = 1024;
 
   /// Whether the estimates rest on a replica of the scene's machine.
   bool has_replica() const { return !identifies() && kind_ != EstimatorKind::timing; }
@@ -176,26 +151,11 @@ class TrackingEstimator {
   Flows& flows() { return replica_.flows(); }
 
  private:
-  struct ReportedEvent {
-    ContactEvent event{};
-    ContactSet chi_before = 0;
-    double before = 0.0;  // time of the previous event [s]
-  };
   bool identifies() const { return identifies_; }
   bool scale_is_lost(const TrackingState& state) const;
-  void start_from_prior(const sprag::State& start, TrackingState& state);
-  ReportedEvent& reported(std::int64_t event) {
-    return received_[static_cast<std::size_t>(event) % received_.size()];
-  }
-  const ReportedEvent& reported(std::int64_t event) const {
-    return received_[static_cast<std::size_t>(event) % received_.size()];
-  }
-  std::int64_t first_size() const;
+  void start_from_prior(const sprag::State& start, double t, TrackingState& state);
   std::int64_t to_confirm(const TrackingState& state) const;
-  bool has_result(const TrackingState& state) const;
-  void take_result(TrackingState& state);
   void receive(std::span<const ContactEvent> of_one_instant, TrackingState& state);
-  void end_tick(TrackingState& state);
   void take(std::span<const ContactEvent> of_one_instant, TrackingState& state);
   bool shows_filter(const TrackingState& state) const;
   void lose(TrackingState& state) const;
@@ -208,7 +168,6 @@ class TrackingEstimator {
   void fail(const Inconsistency& inconsistency, TrackingState& state);
   double note_energy(TrackingState& state);
   Suspicion suspicion(const FilterBelief& before, const FilterBelief& after);
-  void begin_window(std::int64_t event, TrackingState& state) const;
   void find_replica(const TrackingState& state, double t);
   void watch(double t, TrackingState& state);
   void look(double t, TrackingState& state);
@@ -229,10 +188,6 @@ class TrackingEstimator {
   std::int64_t trial_;  // before confirmation, without failures
   bool identifies_ = false;
   std::unique_ptr<SceneFilter> filter_;
-  // Ring of events by their number, if parameters are identified. It holds the events of a task and
-  // as many again of states that run ahead.
-  std::vector<ReportedEvent> received_;
-  const AdaptationResult* result_ = nullptr;
   std::unique_ptr<ImpactRecorder> recorder_;  // of the replica; null: nothing is recorded
   std::vector<ImpactRecord>* records_ = nullptr;
   std::vector<ImpactRecord> with_forces_;   // records of the filter, with contact forces
@@ -240,10 +195,5 @@ class TrackingEstimator {
   std::vector<FilterRun>* runs_ = nullptr;
   std::size_t recorded_ = 0;  // number of records before the tick under way
 };
-
-/// Runs the identification that the state waits for, into `result`, and puts it. Returns false if
-/// the state waits for none. Allocates. Throws Interrupted (interrupt.h).
-bool identify_now(TrackingEstimator& estimator, const TrackingState& state,
-                  AdaptationResult& result);
 
 }  // namespace sprag

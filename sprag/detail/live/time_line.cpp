@@ -11,6 +11,7 @@ TimeLine::TimeLine(TrackingEstimator& estimator, int contacts, const State& star
                    std::int64_t history)
     : estimator_(&estimator), start_(start), history_(history), events_(contacts, event_capacity) {
   saved_.resize(static_cast<std::size_t>(history) + 2);
+  if (estimator.family() != nullptr) adaptation_.emplace(estimator);
   estimator.start(start, 0, 0, frontier_);
   for (TrackingState& state : saved_) state = frontier_;
 }
@@ -20,7 +21,8 @@ void TimeLine::restart(std::int64_t k, std::int64_t next_record, ContactSet chi,
   first_ = now_ = k;
   ++starts_;
   chi_ = chi;
-  hold_ = no_hold;
+  waits_ = false;
+  if (adaptation_) adaptation_->start(tick_instant(k, h()).hi, chi);
   consumed_ = 0;
   handed_out_ = reached_ = k - 1;
   started_ = true;
@@ -87,9 +89,16 @@ void TimeLine::set_lag(double lag, std::int64_t last) {
   last_asked_ = last;
 }
 
-void TimeLine::release() {
-  hold_ = no_hold;
+void TimeLine::finish(const AdaptationResult& result) {
+  waits_ = false;
   go_back_to(handed_out_);
+  adaptation_->finish(result, saved(handed_out_));
+}
+
+bool TimeLine::identify() {
+  if (!waits_) return false;
+  finish(sprag::run(task(), *estimator_->family()));
+  return true;
 }
 
 void TimeLine::go_back_to(std::int64_t k) {
@@ -105,6 +114,15 @@ void TimeLine::start_again() {
   consumed_ = 0;
   for_each_instant(events_of(first_),
                    [&](std::span<const ContactEvent> of_one) { estimator_->apply(of_one, state); });
+}
+
+std::span<const ContactEvent> TimeLine::events_at(std::int64_t k) const {
+  const auto& all = events_.events();
+  const auto first = std::partition_point(
+      all.begin(), all.end(), [&](const ContactEvent& event) { return tick_of(event) < k; });
+  const auto end =
+      std::find_if(first, all.end(), [&](const ContactEvent& event) { return tick_of(event) > k; });
+  return {first, end};
 }
 
 void TimeLine::step() {

@@ -10,12 +10,14 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "sprag/detail/events/event_history.h"
 #include "sprag/detail/filter/tracking_estimator.h"
 #include "sprag/detail/live/histogram.h"
+#include "sprag/detail/live/machine_adaptation.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/model.h"
 
@@ -70,13 +72,16 @@ class TimeLine {
   /// Events may be missing between these times.
   void degrade(double from, double to) { events_.degrade(from, to); }
 
-  /// Blocks settling of ticks later than k until release() or a restart, because they depend on
-  /// more than events. Tick k is the last returned one or the next. run() still moves through later
+  /// Whether the last returned tick of an adaptive estimator has requested the identification of
+  /// task(). No later tick settles until finish() or a restart; run() still moves through later
   /// ticks.
-  void hold(std::int64_t k) { hold_ = k; }
-  bool held() const { return hold_ != no_hold; }
-  /// Ends hold(). The ticks after the last returned one are computed again.
-  void release();
+  bool waits() const { return waits_; }
+  const AdaptationTask& task() const { return adaptation_->task(); }
+  /// Takes the result of task(). The ticks after the last returned one are computed again.
+  void finish(const AdaptationResult& result);
+  /// If waits(): identifies at once, takes the result and returns true. Allocates. Throws
+  /// Interrupted (interrupt.h).
+  bool identify();
 
   /// Rolls back to tick k, or to the last returned tick if that is later. Changes no estimate.
   void go_back_to(std::int64_t k);
@@ -89,10 +94,9 @@ class TimeLine {
   bool run(std::int64_t target, OnTick&& on_tick, OnSettled&& on_settled,
            std::int64_t budget = std::numeric_limits<std::int64_t>::max()) {
     if (!started_) return true;
-    // No event arrives during run(), but the callbacks may call hold().
+    // No event arrives during run(), but a settled tick may request an identification.
     const std::int64_t known = known_tick();
-    const auto settled = [&] { return std::min(known, hold_); };
-    target = std::max(target, settled());
+    const auto settled = [&] { return waits_ ? handed_out_ : known; };
     if (handed_out_ < settled() && handed_out_ + 1 < oldest_) redo_after(handed_out_);
     bool arrived = false;
     while (true) {
@@ -103,8 +107,9 @@ class TimeLine {
       while (handed_out_ < std::min(settled(), now_)) {
         if (!on_settled(saved(handed_out_ + 1))) break;
         ++handed_out_;
+        if (adaptation_) waits_ = adaptation_->settle(events_at(handed_out_), saved(handed_out_));
       }
-      arrived = now_ >= target;
+      arrived = now_ >= std::max(target, settled());
       const bool waits = handed_out_ < settled() && now_ >= handed_out_ + history_;
       if (arrived || waits || budget-- <= 0) break;
       if (handed_out_ == now_ && now_ < settled()) {
@@ -143,9 +148,9 @@ class TimeLine {
   std::int64_t tick_of_last_event() const {
     return events_.events().empty() ? first_ : tick_of(events_.events().back());
   }
-  /// Last settled tick: at or before the horizon and not after a held tick; first_tick() - 1 if
-  /// there is none.
-  std::int64_t settled_tick() const { return std::min(known_tick(), hold_); }
+  /// Last settled tick: at or before the horizon, and the last returned one if that waits();
+  /// first_tick() - 1 if there is none.
+  std::int64_t settled_tick() const { return waits_ ? handed_out_ : known_tick(); }
   /// Last tick returned by on_settled().
   std::int64_t handed_out() const { return handed_out_; }
   const EventHistory& events() const { return events_; }
@@ -153,7 +158,6 @@ class TimeLine {
 
  private:
   static constexpr std::int64_t no_tick = -2;
-  static constexpr std::int64_t no_hold = std::numeric_limits<std::int64_t>::max();
   static constexpr std::size_t event_capacity = 1U << 16U;
   // Largest number of ticks to integrate at a start or after a gap, some tenths of a second.
   static constexpr std::int64_t far = 100'000;
@@ -188,6 +192,9 @@ class TimeLine {
   std::int64_t tick_of(const ContactEvent& event) const {
     return std::max(first_tick_after(event.t, h()), first_);
   }
+
+  // The known events of tick k.
+  std::span<const ContactEvent> events_at(std::int64_t k) const;
 
   // Tick of the event at `consumed_`.
   std::int64_t next_event_tick() {
@@ -249,8 +256,9 @@ class TimeLine {
   std::int64_t now_ = 0;
   std::int64_t reached_ = -1;
   std::int64_t handed_out_ = -1;
-  std::int64_t hold_ = no_hold;
-  double lag_ = 0.0;  // [s]
+  std::optional<MachineAdaptation> adaptation_;
+  bool waits_ = false;  // for an identification: set by the settled tick that requests it
+  double lag_ = 0.0;    // [s]
   double input_horizon_ = std::numeric_limits<double>::infinity();
   std::int64_t last_asked_ = max_tick;
   std::size_t consumed_ = 0;  // number of events up to and including tick now_
