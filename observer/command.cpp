@@ -2,6 +2,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "sprag/detail/text/confidence_choices.h"
+
 namespace sprag {
 namespace {
 
@@ -51,14 +53,14 @@ void add_observer_options(CLI::App& app, CommonOptions& common, ObserverCommand&
       "replica (clutches switched by the events), timing (event times as measurements), both "
       "(timing as long as it fits, else replica) or adaptive (parameters as well, see [adapt]) "
       "[both]");
-  using enum ConfidenceLevel;
-  add_choice<std::optional<ConfidenceLevel>>(
-      app, "--confidence", command.confidence,
-      {{name(low), low}, {name(medium), medium}, {name(high), high}},
-      "low, medium or high: how sure the filter must be to be shown [the scene's; high]");
+  add_choice(app, "--confidence", command.confidence,
+             confidence_choices<std::optional<ConfidenceLevel>>(),
+             "low, medium or high: how sure the filter must be to be shown [the scene's; high]");
   add_positive(app, "--history", options.history, "T",
                "Simulated time of ticks that are kept to go back to [2]");
   add_flag(app, "--realtime", options.real_time, "SCHED_FIFO and locked memory, where permitted");
+  add_flag(app, "--verbose", options.verbose,
+           "At the end, print times, messages and the bound as well");
   add_replay_options(app, common, command);
 }
 

@@ -214,14 +214,16 @@ void ConfidenceRecord::to_json(nlohmann::ordered_json& report) const {
   }
 }
 
-void ConfidenceRecord::print(std::ostream& out) const {
+void ConfidenceRecord::print(bool verbose, std::ostream& out) const {
   if (!any_ || ticks_ == 0) return;
   if (last_.has_replica && std::isfinite(last_.bound)) {
     if (refutations_.total > 0) {
       out << "the filter's estimate was false " << refutations_.total
           << (refutations_.total == 1 ? " time" : " times") << ", by the guaranteed bound\n";
     }
-    out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
+    if (verbose) {
+      out << "error energy of the replica at t = " << t_ << ": at most " << last_.bound << '\n';
+    }
   }
   if (penetrating_ticks_ > 0) {
     out << "the estimate was inside a support at " << penetrating_ticks_ << " of " << ticks_in_full_

@@ -40,7 +40,7 @@ class ConfidenceRecord {
   void to_json(nlohmann::ordered_json& report) const;
 
   /// Prints a summary of a few lines.
-  void print(std::ostream& out) const;
+  void print(bool verbose, std::ostream& out) const;
 
  private:
   void take_inconsistencies(const Confidence& confidence, std::ostream& out);

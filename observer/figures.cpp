@@ -96,23 +96,24 @@ void write_json(const LiveFigures& figures, Json& report) {
   report["rollbacks"]["cost_s"] = quantiles(integration.rollback_cost, nanosecond);
 }
 
-void print(const LiveFigures& figures, std::ostream& out) {
+void print(const LiveFigures& figures, bool verbose, std::ostream& out) {
   const IntegrationFigures& integration = figures.integration;
   const MessageCounts& messages = figures.messages;
   out << "ticks " << figures.ticks << " settled, " << integration.unsettled_ticks
       << " unsettled; missed deadlines " << integration.missed << " of "
-      << integration.lateness.count() << '\n';
+      << integration.lateness.count() << "; events " << figures.events.events << ", lost "
+      << figures.events.lost_records << ", skipped "
+      << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
+                         std::int64_t{0})
+      << '\n';
+  if (!verbose) return;
   print_times("lateness ", integration.lateness, out);
   print_times("execution", integration.execution, out);
   print_times("event latency", integration.event_latency, out);
   out << "messages " << messages.received << ": lost " << messages.lost << ", doubled "
       << messages.doubled << ", reordered " << messages.reordered << ", refused "
       << total(refused_by_cause(figures.reception, messages)) << "; events repaired "
-      << integration.repaired_events << ", lost for good " << figures.events.lost_records
-      << ", skipped "
-      << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
-                         std::int64_t{0})
-      << '\n';
+      << integration.repaired_events << "; sessions " << messages.sessions << '\n';
   const DelayedEvents late = delayed(integration.event_latency);
   out << "events reported after the tick of their time: " << integration.late_events << " of "
       << figures.events.events << ", rollbacks for them: " << figures.rollbacks.rollbacks
@@ -120,8 +121,7 @@ void print(const LiveFigures& figures, std::ostream& out) {
       << " ticks\n";
   out << "events delayed by more than " << (late.after + 500'000) / 1'000'000
       << " ms (not normal): " << late.count
-      << ", deeper than the history: " << figures.rollbacks.beyond_history << "; sessions "
-      << messages.sessions << '\n';
+      << ", deeper than the history: " << figures.rollbacks.beyond_history << '\n';
   if (messages.of_other_masters > 0) {
     out << "another master was on the channel: " << messages.of_other_masters
         << " messages of it were ignored\n";

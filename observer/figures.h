@@ -68,7 +68,7 @@ nlohmann::ordered_json refused_by_cause(const ReceptionFigures& reception,
 /// Adds the figures to a report.
 void write_json(const LiveFigures& figures, nlohmann::ordered_json& report);
 
-/// Prints a summary of a few lines.
-void print(const LiveFigures& figures, std::ostream& out);
+/// Prints a summary: one line, or with `verbose` also times and messages.
+void print(const LiveFigures& figures, bool verbose, std::ostream& out);
 
 }  // namespace sprag

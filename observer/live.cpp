@@ -60,7 +60,8 @@ class LiveObserver {
         loop_(estimation_, options.last(),
               common.key.empty() ? Freshness::any : Freshness::required, inbox_, outbox_, notices_),
         publication_(bus_, inbox_, outbox_, notices_, settled_, reception_, options.duration,
-                     scene.model.outputs) {
+                     scene.model.outputs),
+        verbose_(options.verbose) {
     // New samples of a streamed input change flows, which another thread must not build meanwhile.
     if (!estimation_.stream) flow_builder_.emplace(estimation_.estimator.flows());
     if (const MachineFamily* family = estimation_.estimator.family()) {
@@ -116,11 +117,11 @@ class LiveObserver {
     figures.ticks = settled_.ticks();
     figures.unsent = publication_.unsent();
     write_json(figures, report);
-    print(figures, std::cerr);
+    print(figures, verbose_, std::cerr);
     estimation_.to_json(report);
     if (estimation_.stream) estimation_.stream->print(std::cerr);
     report["flows_awaited"] = flow_builder_ ? flow_builder_->awaited() : 0;
-    settled_.sum_up(events, report);
+    settled_.sum_up(events, verbose_, report);
     std::string failure = failure_of_a_thread();
     try {
       settled_.close();
@@ -168,6 +169,7 @@ class LiveObserver {
   Reception reception_;
   RealTimeLoop loop_;
   Publication publication_;
+  bool verbose_;
   bool real_time_ = false;
   std::atomic<bool> stop_{false};
   ThreadGroup threads_{[this] { stop(); }};  // destroyed first: the threads use all of the above

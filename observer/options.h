@@ -20,6 +20,7 @@ struct ObserverOptions {
   std::filesystem::path predictions;  ///< predictions as CSV; empty: none
   double history = 2.0;               ///< simulated time of ticks kept for rollbacks [s]
   bool real_time = false;             ///< SCHED_FIFO and locked memory
+  bool verbose = false;               ///< a longer summary at the end
 
   /// The last requested tick.
   std::int64_t last() const {

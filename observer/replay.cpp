@@ -48,7 +48,8 @@ class Replay {
         events_(writer_of<EventsWriter>(replay.events)),
         impacts_file_(writer_of<ImpactsWriter>(options.impacts)),
         predictions_file_(writer_of<PredictionsWriter>(options.predictions)),
-        ahead_(options.predict) {
+        ahead_(options.predict),
+        verbose_(options.verbose) {
     if (predictions_file_) predictor_.emplace(scene.model);
     if (impacts_file_ || predictor_) estimation_.estimator.record_in(impacts_);
   }
@@ -138,7 +139,7 @@ class Replay {
     report["ticks"] = settled_.ticks();
     estimation_.to_json(report);
     if (estimation_.stream) estimation_.stream->print(std::cerr);
-    settled_.sum_up(time_line_.events(), report);
+    settled_.sum_up(time_line_.events(), verbose_, report);
     settled_.close();
     if (events_) events_->finish();
     if (impacts_file_) impacts_file_->finish();
@@ -248,6 +249,7 @@ class Replay {
   std::optional<PredictionsWriter> predictions_file_;
   std::optional<Predictor> predictor_;
   double ahead_;
+  bool verbose_;
   Notices notices_;
   std::int64_t written_ = 0;
 };

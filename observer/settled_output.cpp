@@ -54,13 +54,14 @@ void SettledOutput::flush() {
   if (states_) states_->flush();
 }
 
-void SettledOutput::sum_up(const EventHistory& events, nlohmann::ordered_json& report) const {
+void SettledOutput::sum_up(const EventHistory& events, bool verbose,
+                           nlohmann::ordered_json& report) const {
   for (const DegradedInterval& gap : events.degraded()) {
     std::cerr << "events may be missing between t = " << gap.from << " and " << gap.to << '\n';
   }
   record_.to_json(report);
   report.update(to_json(events));
-  record_.print(std::cerr);
+  record_.print(verbose, std::cerr);
 }
 
 void SettledOutput::close() {

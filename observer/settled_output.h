@@ -43,7 +43,7 @@ class SettledOutput {
   double t() const { return t_; }                ///< time of the last one [s]
 
   /// Adds the confidence and the counts of events to a report and prints a summary.
-  void sum_up(const EventHistory& events, nlohmann::ordered_json& report) const;
+  void sum_up(const EventHistory& events, bool verbose, nlohmann::ordered_json& report) const;
 
   /// Throws std::runtime_error if a file could not be written completely.
   void close();

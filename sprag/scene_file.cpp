@@ -19,6 +19,7 @@
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/text/confidence_choices.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
 
@@ -531,9 +532,11 @@ Eigen::VectorXd read_sigma(const TomlTable& table, const char* key, const Scene&
 }
 
 ConfidenceLevel read_confidence(const TomlTable& table) {
-  using enum ConfidenceLevel;
-  const std::string_view given = table.choice("confidence", {name(high), name(medium), name(low)});
-  return given == name(low) ? low : given == name(medium) ? medium : high;
+  const std::string given = table.string_or("confidence", name(ConfidenceLevel::high));
+  for (const auto& [name, level] : confidence_choices<ConfidenceLevel>()) {
+    if (given == name) return level;
+  }
+  table.fail("confidence", "is \"" + given + "\"; must be \"low\", \"medium\" or \"high\"");
 }
 
 void read_replica(const TomlTable& root, Scene& scene) {

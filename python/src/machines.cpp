@@ -24,6 +24,7 @@
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/text/confidence_choices.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
 #include "sprag/scene.h"
@@ -391,9 +392,8 @@ ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, d
 }
 
 ConfidenceLevel to_confidence(const std::string& given) {
-  using enum ConfidenceLevel;
-  for (const ConfidenceLevel level : {low, medium, high}) {
-    if (given == name(level)) return level;
+  for (const auto& [name, level] : confidence_choices<ConfidenceLevel>()) {
+    if (given == name) return level;
   }
   throw std::invalid_argument("confidence is \"" + given +
                               "\"; must be \"low\", \"medium\" or \"high\"");

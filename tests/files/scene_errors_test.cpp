@@ -83,7 +83,7 @@ TEST(SceneErrors, UnknownKeysGetASuggestionOrTheList) {
         "uncertainty, "
         "sigma_q, sigma_u, drift, confidence"},
        {"u = []", "confidence = \"sure\"",
-        "x.toml:25:14: replica.confidence is \"sure\"; must be \"high\", \"medium\" or \"low\""}});
+        "x.toml:25:14: replica.confidence is \"sure\"; must be \"low\", \"medium\" or \"high\""}});
   expect_errors(
       system_text,
       {{"K =", "k =", "x.toml:4:1: unknown key system.k; did you mean K?"},

@@ -35,7 +35,7 @@ Said said_of(const Scene& scene, const std::vector<ContactEvent>& events, double
     record.conclude(confidence, 0.5);
   });
   Said said;
-  record.print(out);
+  record.print(false, out);
   said.lines = out.str();
   record.to_json(said.report);
   return said;

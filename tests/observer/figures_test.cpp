@@ -25,7 +25,11 @@ TEST(LiveFigures, PromptReportIsNotDelayed) {
   EXPECT_EQ(report["delayed_events"]["count"], 0);
   EXPECT_EQ(report["delayed_events"]["of_events"], 360);
   std::ostringstream out;
-  print(figures, out);
+  print(figures, false, out);
+  EXPECT_EQ(
+      out.str(),
+      "ticks 0 settled, 0 unsettled; missed deadlines 0 of 0; events 360, lost 0, skipped 0\n");
+  print(figures, true, out);
   EXPECT_NE(out.str().find("222 of 360, rollbacks for them: 180 (normal"), std::string::npos)
       << out.str();
   EXPECT_NE(out.str().find("(not normal): 0"), std::string::npos) << out.str();
