@@ -30,7 +30,6 @@ VERMILION, ORANGE, YELLOW = "#d55e00", "#e69f00", "#c9b800"
 BLUE, SKY, NAVY = "#0072b2", "#56b4e9", "#00395c"
 GREEN, PINE = "#009e73", "#00513b"
 PURPLE, PLUM = "#cc79a7", "#7a3b63"
-BROWN = "#8c5a00"
 
 DASHED = (0, (5, 2.5))
 plt.rcParams.update(
@@ -126,9 +125,7 @@ METHODS = {
     "Siconos event-driven": (NAVY, "p"),
     "Moreau-Jean 1/2": (PINE, "h"),
     "Moreau-Jean 1": (GREEN, "8"),
-    "exact flow + Moreau": (ORANGE, "<"),
     "generalized-alpha": (YELLOW, ">"),
-    "Paoli-Schatzman": (BROWN, "d"),
     "penalty": (GREY, "H"),
     "Siconos Moreau-Jean": (GREEN, "x"),
     "Siconos Bilbao": (ORANGE, "*"),

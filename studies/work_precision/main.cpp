@@ -8,7 +8,7 @@
 int main(int argc, char** argv) {
   CLI::App app(
       "Measures accuracy and cost of simulation methods on scenes whose motion is known, into "
-      "work_precision.csv and machine.json.",
+      "work_precision.csv.",
       "work_precision");
   sprag::CommonOptions common;
   sprag::work_precision::Options options;

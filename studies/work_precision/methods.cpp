@@ -25,8 +25,6 @@ const Settings& steps() {
 void add_rivals(std::vector<Method>& all) {
   all.push_back({"Moreau-Jean 1/2", Kind::rival, "step [s]", steps(), run_moreau_jean});
   all.push_back({"Moreau-Jean 1", Kind::rival, "step [s]", steps(), run_moreau_jean_implicit});
-  all.push_back({"exact flow + Moreau", Kind::rival, "step [s]", steps(), run_bilbao});
-  all.push_back({"Paoli-Schatzman", Kind::rival, "step [s]", steps(), run_paoli_schatzman});
   all.push_back({"generalized-alpha", Kind::rival, "step [s]", steps(), run_generalized_alpha});
 #ifdef SPRAG_HAS_ODEINT
   all.push_back({"odeint dopri5", Kind::rival, "tolerance", tolerances(), run_odeint});

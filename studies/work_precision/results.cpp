@@ -6,7 +6,6 @@
 #include <stdexcept>
 
 #include "sprag/detail/files/csv.h"
-#include "studies/work_precision/environment.h"
 
 namespace sprag::work_precision {
 namespace {
@@ -87,9 +86,6 @@ std::string csv_line(const Json& row, bool header) {
 }  // namespace
 
 Results::Results(const std::filesystem::path& directory) : csv_(directory / "work_precision.csv") {
-  OutputFile machine(directory / "machine.json");
-  machine.write(environment().dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
-  if (!machine.close()) throw std::runtime_error(machine.error());
   csv_.write(csv_line(row("", methods().front(), 0.0, {}), true));
   if (!csv_.flush()) throw std::runtime_error(csv_.error());
 }

@@ -1,4 +1,4 @@
-// The rows of the comparison as a CSV that grows row by row, and the machine of the measurements.
+// The rows of the comparison as a CSV that grows row by row.
 #pragma once
 
 #include <filesystem>
@@ -11,8 +11,8 @@ namespace sprag::work_precision {
 
 class Results {
  public:
-  /// Writes machine.json and starts work_precision.csv in `directory`, which must exist. Throws
-  /// std::runtime_error if they cannot be written, as add() does.
+  /// Starts work_precision.csv in `directory`, which must exist. Throws std::runtime_error if it
+  /// cannot be written, as add() does.
   explicit Results(const std::filesystem::path& directory);
 
   /// Adds a row; the file is complete when it returns. Unknown figures are empty fields.

@@ -19,7 +19,7 @@ struct Options {
   bool quick = false;  ///< two settings per method, short timing
 };
 
-/// Writes work_precision.csv and machine.json into `out` row by row, and reports progress on
+/// Writes work_precision.csv into `out` row by row, and reports progress on
 /// stderr. Returns the number of rows. Throws UsageError for an unknown name and SceneError for a
 /// scene that cannot be read.
 std::size_t run(Options options);

@@ -182,10 +182,8 @@ class Record {
 
   std::int64_t steps() const { return steps_; }
 
-  bool wants(std::int64_t k) const { return k == sample_tick_; }
-
-  /// The state at tick k, for consecutive ticks; u is read only if wants(k). Returns false, with
-  /// the failure noted, after the motion has diverged.
+  /// The state at tick k, for consecutive ticks; u is read only if tick k is sampled. Returns
+  /// false, with the failure noted, after the motion has diverged.
   bool state(std::int64_t k, const double* q, const double* u) {
     bool bounded = true;
     for (Eigen::Index i = 0; i < f_; ++i) bounded &= std::abs(q[i]) <= blown_up;

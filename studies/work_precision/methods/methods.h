@@ -11,10 +11,6 @@ void run_exact(const Task& task, double setting, Outcome& outcome);
 // moreau_jean.cpp; setting: h [s]. theta = 1/2 and theta = 1.
 void run_moreau_jean(const Task& task, double h, Outcome& outcome);
 void run_moreau_jean_implicit(const Task& task, double h, Outcome& outcome);
-// bilbao.cpp; setting: h [s]
-void run_bilbao(const Task& task, double h, Outcome& outcome);
-// paoli_schatzman.cpp; setting: h [s]
-void run_paoli_schatzman(const Task& task, double h, Outcome& outcome);
 // generalized_alpha.cpp; setting: h [s]
 void run_generalized_alpha(const Task& task, double h, Outcome& outcome);
 // odeint.cpp; setting: tolerance, absolute and relative
