@@ -1,11 +1,8 @@
 #!/usr/bin/python3
-"""Draws the charts of docs/measurements/speed_accuracy.md and stability.md, and prints the orders
-of the methods.
+"""Draws the charts of docs/measurements/speed_accuracy.md, and prints the orders of the methods.
 
-usage: charts.py work_precision DIR    reads DIR/work_precision.csv, writes DIR/paper_beam.png and
-                                       DIR/error_of_q.png
-       charts.py stability DIR         reads DIR/*_N.csv of build/studies/stability, writes
-                                       DIR/stability.png
+usage: charts.py FOLDER    reads FOLDER/work_precision.csv, writes FOLDER/paper_beam.png and
+                           FOLDER/error_of_q.png
 """
 import csv
 import math
@@ -287,105 +284,7 @@ def fitted_exponent(points):
     )
 
 
-WRONG, RIGHT = {"color": VERMILION}, {"color": BLUE}
-LIMIT, OTHER = {"color": MUTED, "linestyle": DASHED}, {"color": GREEN}
-DOTS = {"marker": "o", "markersize": 3}
-
-# Each panel: file, title, axes, and the labels and looks of its curves, which are FILE_1.csv,
-# FILE_2.csv, …
-PANELS = [
-    (
-        "newton",
-        "Newton's law behind a closed clutch",
-        {"xlabel": "time [s]", "ylabel": r"$\gamma_2$ [m/s], must not be < 0", "ylim": (-0.4, 0.5)},
-        [("Newton", WRONG), ("Poisson", RIGHT)],
-    ),
-    (
-        "restitution",
-        "Unlike restitution",
-        {
-            "xlabel": r"$\epsilon_1 - \epsilon_2$",
-            "ylabel": "largest growth of V at an impact",
-            "ylim": (0.9, None),
-        },
-        [("Newton", WRONG | DOTS), ("Poisson", RIGHT | DOTS)],
-    ),
-    (
-        "damping",
-        "No damping",
-        {"xlabel": "time [s]", "ylabel": "V [J]", "yscale": "log", "ylim": (1e-9, 10)},
-        [("C = 0", WRONG), ("the paper's C", RIGHT)],
-    ),
-    (
-        "persistent",
-        "A contact that stays closed",
-        {"xlabel": "time [s]", "ylabel": "V [J]", "yscale": "log", "ylim": (1e-4, 1)},
-        [("V, released at t = 30 s", RIGHT), (r"$\frac{1}{2}\|c\|^2_K$ of (17)", LIMIT)],
-    ),
-    (
-        "chatter",
-        "Chatter of a bouncing ball",
-        {"xlabel": "time [s]", "ylabel": "contact events", "ylim": (0, 200), "xlim": (0, 3)},
-        [("plain event loop, no end", WRONG), ("completed", RIGHT)],
-    ),
-    (
-        "grazing",
-        "Grazing touches missed",
-        {
-            "xlabel": "tick [s]",
-            "ylabel": "share missed",
-            "xscale": "log",
-            "xlim": (1e-3, 1e-1),
-            "ylim": (-0.05, 1),
-        },
-        [("sign check at the ticks", WRONG | DOTS), ("event search", RIGHT | DOTS)],
-    ),
-    (
-        "activation",
-        "Moreau-Jean: when is a contact active?",
-        {"xlabel": r"$\gamma_k$ [m/s]", "ylabel": "work of its impulse [J]", "xlim": (-0.1, 0.25)},
-        [("by its gap alone: gains energy", WRONG), ("while it approaches", RIGHT)],
-    ),
-    (
-        "steps",
-        r"Steps beyond their limit, $\omega h$ = 2.1",
-        {"xlabel": "steps", "ylabel": r"$\log_{10}$ of the energy", "ylim": (-2, 25)},
-        [
-            ("explicit Euler", WRONG),
-            (r"$\theta$ = 0.4", OTHER),
-            (r"$\theta$ = 1/2", LIMIT),
-            ("exact flow", RIGHT),
-        ],
-    ),
-]
-
-
-def points(file):
-    """Columns x and y of a file; rows of other cells are left out."""
-    x, y = [], []
-    with file.open(newline="", encoding="utf-8") as stream:
-        for row in csv.reader(stream):
-            try:
-                values = float(row[0]), float(row[1])
-            except (ValueError, IndexError):
-                continue
-            x.append(values[0])
-            y.append(values[1])
-    return x, y
-
-
-def stability(directory: Path) -> None:
-    figure, axes = grid(1800, 960, down=2, across=4)
-    for ax, (name, title, frame, curves) in zip(axes.flat, PANELS):
-        for index, (label, look) in enumerate(curves, start=1):
-            ax.plot(*points(directory / f"{name}_{index}.csv"), label=label, **look)
-        ax.set(title=title, **frame)
-        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
-    save(figure, directory, "stability")
-
-
 if __name__ == "__main__":
-    charts = {"work_precision": work_precision, "stability": stability}
-    if len(sys.argv) != 3 or sys.argv[1] not in charts:
+    if len(sys.argv) != 2:
         sys.exit(__doc__)
-    charts[sys.argv[1]](Path(sys.argv[2]))
+    work_precision(Path(sys.argv[1]))
