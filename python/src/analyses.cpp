@@ -1,5 +1,3 @@
-#include "python/src/analyses.h"
-
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -17,6 +15,7 @@
 #include <vector>
 
 #include "python/src/arrays.h"
+#include "python/src/bindings.h"
 #include "python/src/long_call.h"
 #include "python/src/members.h"
 #include "python/src/settings.h"
@@ -613,70 +612,69 @@ void bind_impacts(py::module_& module) {
 // ---- reduction
 
 struct PythonReduction {
-  Reduction reduction;
+  std::string correction;
+  int modes = 0;
+  std::vector<int> static_vectors;
+  double rms_gap = 0.0;
   std::shared_ptr<Scene> scene;
 };
-SPRAG_MEMBERS(PythonReduction, reduction, scene)
+SPRAG_MEMBERS(PythonReduction, correction, modes, static_vectors, rms_gap, scene)
 
 struct PythonReductions {
-  ReductionTable table;
-  std::vector<std::shared_ptr<Scene>> scenes;
-
-  PythonReduction operator[](std::size_t k) const { return {table.reductions[k], scenes[k]}; }
+  int closings = 0;
+  double begin = 0.0, end = 0.0;
+  std::vector<PythonReduction> all;
+  std::string text;
 };
-SPRAG_MEMBERS(PythonReductions, table, scenes)
+SPRAG_MEMBERS(PythonReductions, closings, begin, end, all, text)
 
 PythonReductions run_reduce(const Scene& scene, const EventList& events, int modes) {
   const ModalMachine machine = modal_machine(scene);
   std::vector<Eigen::Index> kept = by_frequency(machine);
   kept.resize(static_cast<std::size_t>(modes));
   const Followed followed = second_half(events);
-  PythonReductions all{{scene.name, closings(followed), followed.counts, events.back().t,
-                        reductions(machine, kept, followed)},
-                       {}};
-  if (all.table.reductions.empty()) {
+  const ReductionTable table{scene.name, closings(followed), followed.counts, events.back().t,
+                             reductions(machine, kept, followed)};
+  if (table.reductions.empty()) {
     throw ModelError("the first " + std::to_string(modes) + " modes do not see every contact");
   }
-  for (const Reduction& of : all.table.reductions) {
-    all.scenes.push_back(std::make_shared<Scene>(reduced_scene(scene, of.machine)));
+  PythonReductions found{table.closings, table.from, table.to, {}, to_text(table)};
+  for (const Reduction& of : table.reductions) {
+    found.all.push_back({of.correction, of.modes, of.static_vectors, of.rms,
+                         std::make_shared<Scene>(reduced_scene(scene, of.machine))});
   }
-  return all;
+  return found;
 }
 
 void bind_reduction(py::module_& module) {
-  value_class<PythonReduction>(module, "Reduction",
-                               "A machine with fewer modes and a correction for the others.")
-      .get("correction", "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.",
-           &PythonReduction::reduction, &Reduction::correction)
-      .get("modes", "Number of kept modes.", &PythonReduction::reduction, &Reduction::modes)
-      .get("static_vectors", "Orders of the static vectors; may be empty.",
-           &PythonReduction::reduction, &Reduction::static_vectors)
+  using One = PythonReduction;
+  using All = PythonReductions;
+  value_class<One>(module, "Reduction",
+                   "A machine with fewer modes and a correction for the others.")
+      .get("correction", "Text: 'b_0, b_1', 'restitution 0.1' or 'none'.", &One::correction)
+      .get("modes", "Number of kept modes.", &One::modes)
+      .get("static_vectors", "Orders of the static vectors; may be empty.", &One::static_vectors)
       .get("rms_gap", "Root mean square of the replica's own gap at the closings [m].",
-           &PythonReduction::reduction, &Reduction::rms)
-      .get("scene", "The reduced scene.", &PythonReduction::scene);
-  value_class<PythonReductions>(
-      module, "Reductions", "A sequence of Reduction, the best first. str() is what reduce prints.")
-      .get("closings", "Number of closings that count.", &PythonReductions::table,
-           &ReductionTable::closings)
-      .get("begin", "Begin of the time in which they count [s].", &PythonReductions::table,
-           &ReductionTable::from)
-      .get("end", "Its end [s].", &PythonReductions::table, &ReductionTable::to)
-      .def("__len__", [](const PythonReductions& of) { return of.scenes.size(); })
+           &One::rms_gap)
+      .get("scene", "The reduced scene.", &One::scene);
+  value_class<All>(module, "Reductions",
+                   "A sequence of Reduction, the best first. str() is what reduce prints.")
+      .get("closings", "Number of closings that count.", &All::closings)
+      .get("begin", "Begin of the time in which they count [s].", &All::begin)
+      .get("end", "Its end [s].", &All::end)
+      .def("__len__", [](const All& of) { return of.all.size(); })
       .def(
           "__getitem__",
-          [](const PythonReductions& of, std::ptrdiff_t index) {
-            const std::ptrdiff_t k = index < 0 ? index + std::ssize(of.scenes) : index;
-            if (k < 0 || k >= std::ssize(of.scenes)) throw py::index_error();
-            return of[static_cast<std::size_t>(k)];
+          [](const All& of, std::ptrdiff_t index) {
+            const std::ptrdiff_t k = index < 0 ? index + std::ssize(of.all) : index;
+            if (k < 0 || k >= std::ssize(of.all)) throw py::index_error();
+            return of.all[static_cast<std::size_t>(k)];
           },
           "index"_a)
-      .def("__iter__",
-           [](const PythonReductions& of) {
-             py::list all;
-             for (std::size_t k = 0; k < of.scenes.size(); ++k) all.append(of[k]);
-             return py::iter(all);
-           })
-      .def("__str__", [](const PythonReductions& of) { return to_text(of.table); });
+      .def(
+          "__iter__", [](const All& of) { return py::make_iterator(of.all.begin(), of.all.end()); },
+          py::keep_alive<0, 1>())
+      .def("__str__", [](const All& of) { return of.text; });
   module.def(
       "reduce",
       [](const Scene& scene, const py::object& events, int modes, double duration) {

@@ -15,7 +15,6 @@
 namespace sprag::python {
 
 namespace py = pybind11;
-using namespace py::literals;
 
 using Numbers = py::array_t<double>;
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;

@@ -18,7 +18,7 @@
 #include "lcmtypes/contact_messages.h"
 #include "lcmtypes/messages.h"
 #include "python/src/arrays.h"
-#include "python/src/live.h"
+#include "python/src/bindings.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/event_history.h"
 #include "sprag/detail/mechanics/scale.h"
@@ -158,26 +158,24 @@ py::dict drawing_of(const Scene& scene) {
 }  // namespace
 
 void bind_bus(py::module_& module) {
-  module.def("_refusal", &refusal, py::arg("channel"), py::arg("data"),
+  module.def("_refusal", &refusal, "channel"_a, "data"_a,
              "Why a message of a channel is refused; empty if it is valid.");
-  module.def("_drawing_of", &drawing_of, py::arg("scene"));
+  module.def("_drawing_of", &drawing_of, "scene"_a);
 
   py::class_<Receiver>(module, "_Receiver", "The messages of some channels of the bus.")
       .def(py::init<const std::vector<std::string>&, const std::string&,
                     const std::optional<std::filesystem::path>&>(),
-           py::arg("channels"), py::arg("url"), py::arg("key"))
+           "channels"_a, "url"_a, "key"_a)
       .def("receive", &Receiver::receive,
            "The messages that have arrived: channel, data, arrival [us].")
       .def_property_readonly("refused", &Receiver::refused)
       .def_property_readonly("overflowed", &Receiver::overflowed);
 
   py::class_<ContactFollower>(module, "_ContactFollower")
-      .def(py::init<const Scene&, bool, bool>(), py::arg("scene"), py::arg("fresh"),
-           py::arg("machine_time"),
+      .def(py::init<const Scene&, bool, bool>(), "scene"_a, "fresh"_a, "machine_time"_a,
            "fresh: a session begins with a recent message only; machine_time: of the messages, "
            "else they are on the scene's clock.")
-      .def("take", &ContactFollower::take, py::arg("data"), py::arg("monotonic"), py::arg("utime"),
-           py::arg("appended") = false,
+      .def("take", &ContactFollower::take, "data"_a, "monotonic"_a, "utime"_a, "appended"_a = false,
            "Takes a message with its arrival [ns], [us]. None if it is ignored; else whether a "
            "session begins, session, speed, horizon, the closed contacts where events are missing "
            "before it, and new events: t, contact from 0, kind.")

@@ -1,11 +1,15 @@
-// What `view` needs of the bus and of recordings.
+// What all that uses the bus and recordings has in common.
 #pragma once
 
 #include <pybind11/pybind11.h>
 
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <span>
 #include <string_view>
+
+#include "lcmtypes/key.h"
 
 namespace sprag::python {
 
@@ -22,7 +26,9 @@ inline Bytes from_bytes(const py::bytes& bytes) {
   return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
 }
 
-void bind_bus(py::module_& module);
-void bind_recordings(py::module_& module);
+/// The key of a file; none without one. Throws InputError.
+inline std::optional<Key> to_key(const std::optional<std::filesystem::path>& file) {
+  return file ? std::optional<Key>(*file) : std::nullopt;
+}
 
 }  // namespace sprag::python

@@ -1,5 +1,3 @@
-#include "python/src/import.h"
-
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -12,6 +10,8 @@
 
 #include "lcmtypes/contact_log.h"
 #include "python/src/arrays.h"
+#include "python/src/bindings.h"
+#include "python/src/bus.h"
 #include "sprag/detail/import/level_edges.h"
 #include "sprag/detail/import/recorded_edges.h"
 
@@ -62,23 +62,19 @@ py::tuple contact_events(int contact, const Times& closings, const Times& openin
 std::int64_t write_log(const std::filesystem::path& file, const py::object& events, int contacts,
                        double end, const std::optional<std::filesystem::path>& key) {
   const std::vector<ContactEvent> list = to_events(events, static_cast<std::size_t>(contacts));
-  const std::optional<Key> signing = key ? std::optional<Key>(*key) : std::nullopt;
-  return write_contact_log(file, list, contacts, end, signing);
+  return write_contact_log(file, list, contacts, end, to_key(key));
 }
 
 }  // namespace
 
 void bind_import(py::module_& module) {
-  module.def("_level_changes", &level_changes, py::arg("levels"), py::arg("threshold"),
-             py::arg("inverted"),
+  module.def("_level_changes", &level_changes, "levels"_a, "threshold"_a, "inverted"_a,
              "Of each level: 1 it rises, -1 it falls, 2 it is the first one and high, else 0.");
-  module.def("_contact_events", &contact_events, py::arg("contact"), py::arg("closings"),
-             py::arg("openings"), py::arg("impacts"), py::kw_only(), py::arg("debounce"),
-             py::arg("pulse_shorter_than"), py::arg("duration"),
+  module.def("_contact_events", &contact_events, "contact"_a, "closings"_a, "openings"_a,
+             "impacts"_a, py::kw_only(), "debounce"_a, "pulse_shorter_than"_a, "duration"_a,
              "Events of one contact, counts of them, and refused edges (list, index, why), from "
              "ascending times of its edges.");
-  module.def("_write_contact_log", &write_log, py::arg("file"), py::arg("events"),
-             py::arg("contacts"), py::arg("end"), py::arg("key"),
+  module.def("_write_contact_log", &write_log, "file"_a, "events"_a, "contacts"_a, "end"_a, "key"_a,
              "Writes events as an LCM log and returns the number of messages.");
 }
 

@@ -1,5 +1,3 @@
-#include "python/src/live.h"
-
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -15,14 +13,11 @@
 #include "lcmtypes/estimate_listener.h"
 #include "lcmtypes/event_publisher.h"
 #include "python/src/arrays.h"
+#include "python/src/bindings.h"
+#include "python/src/bus.h"
 #include "python/src/members.h"
 
 namespace sprag::python {
-
-std::optional<Key> to_key(const std::optional<std::filesystem::path>& file) {
-  if (!file) return std::nullopt;
-  return Key(*file);
-}
 
 namespace {
 

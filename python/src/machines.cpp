@@ -1,5 +1,3 @@
-#include "python/src/machines.h"
-
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -16,6 +14,7 @@
 #include <vector>
 
 #include "python/src/arrays.h"
+#include "python/src/bindings.h"
 #include "python/src/members.h"
 #include "sprag/beam.h"
 #include "sprag/detail/files/scene_writer.h"
@@ -146,10 +145,9 @@ void require_symmetric(const char* name, const Eigen::MatrixXd& matrix, Eigen::I
           is + " must be finite and exactly symmetric");
 }
 
-void require_semidefinite(const char* name, const Eigen::MatrixXd& matrix) {
-  const Eigen::VectorXd values = eigenvalues(matrix);
-  require(values.minCoeff() >= -1e-12 * values.cwiseAbs().maxCoeff(),
-          std::string(name) + " must be positive semidefinite");
+bool is_semidefinite(const Eigen::MatrixXd& matrix) {
+  const Eigen::VectorXd all = eigenvalues(matrix);
+  return all.allFinite() && all.minCoeff() >= -1e-12 * all.cwiseAbs().maxCoeff();
 }
 
 std::shared_ptr<Model> finished(Model model, std::vector<Contact> contacts,
@@ -185,7 +183,7 @@ std::shared_ptr<Model> make_model(Eigen::MatrixXd M, std::optional<Eigen::Matrix
   require_symmetric("M", M, M.rows());
   require_symmetric("K", K, M.rows());
   require(CholeskyFactor(M).exists(), "M must be positive definite");
-  require_semidefinite("K", K);
+  require(is_semidefinite(K), "K must be positive semidefinite");
   model.M = std::move(M);
   model.K = std::move(K);
   if (damping_ratio) {
@@ -195,7 +193,7 @@ std::shared_ptr<Model> make_model(Eigen::MatrixXd M, std::optional<Eigen::Matrix
               required_not_negative("beta", rayleigh->second) * model.K;
   } else {
     require_symmetric("C", *C, model.M.rows());
-    require_semidefinite("C", *C);
+    require(is_semidefinite(*C), "C must be positive semidefinite");
     model.C = std::move(*C);
   }
   model.forces = std::move(forces);
@@ -227,6 +225,13 @@ Eigen::VectorXd padded(const char* name, const Eigen::VectorXd& given, Eigen::In
 
 State padded(const std::string& name, const State& state, Eigen::Index f) {
   return {padded((name + ".q").c_str(), state.q, f), padded((name + ".u").c_str(), state.u, f)};
+}
+
+void require_sigmas(const State& sigma, Eigen::Index f) {
+  for (const Eigen::VectorXd* of : {&sigma.q, &sigma.u}) {
+    require(of->size() == f && of->allFinite() && of->minCoeff() > 0.0,
+            "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
+  }
 }
 
 void require_outside(const Scene& scene) {
@@ -332,12 +337,8 @@ std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const
     scene->prior.uncertainty = *uncertainty;
   }
   if (sigma) {
-    const auto usable = [f](const Eigen::VectorXd& of) {
-      return of.size() == f && of.allFinite() && of.minCoeff() > 0.0;
-    };
     require(!uncertainty, "uncertainty and sigma exclude each other");
-    require(usable(sigma->q) && usable(sigma->u),
-            "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
+    require_sigmas(*sigma, f);
     scene->prior.sigma = sigma;
   }
   scene->prior.drift = required_not_negative("drift", drift);
@@ -362,11 +363,7 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
   }
   auto changed = std::make_shared<Scene>(with(scene, unknowns_named(scene, keys), numbers));
   for (const Contact& contact : changed->model.contacts) required_restitution(contact.restitution);
-  const auto semidefinite = [](const Eigen::MatrixXd& matrix) {
-    const Eigen::VectorXd all = eigenvalues(matrix);
-    return all.allFinite() && all.minCoeff() >= -1e-12 * all.cwiseAbs().maxCoeff();
-  };
-  require(semidefinite(changed->model.C) && semidefinite(changed->model.K),
+  require(is_semidefinite(changed->model.C) && is_semidefinite(changed->model.K),
           "C and K must stay positive semidefinite");
   for (std::size_t i = 0; i < changed->positions.size(); ++i) {
     const double x = changed->positions[i];
@@ -426,11 +423,7 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
     prior.sigma.reset();
   }
   if (sigma) {
-    const auto usable = [f](const Eigen::VectorXd& of) {
-      return of.size() == f && of.allFinite() && of.minCoeff() > 0.0;
-    };
-    require(usable(sigma->q) && usable(sigma->u),
-            "sigma must have " + std::to_string(f) + " entries > 0 in q and in u");
+    require_sigmas(*sigma, f);
     prior.sigma = sigma;
     prior.uncertainty.resize(0);
   }

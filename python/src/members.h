@@ -6,12 +6,9 @@
 #include "sprag/beam.h"
 #include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/diagnosis.h"
-#include "sprag/detail/analysis/guaranteed_widths.h"
-#include "sprag/detail/analysis/reduction_choice.h"
 #include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/identification/request.h"
 #include "sprag/detail/parameters/unknowns.h"
-#include "sprag/detail/text/reduction_text.h"
 #include "sprag/identification.h"
 #include "sprag/observer.h"
 #include "sprag/reduction.h"
@@ -74,25 +71,7 @@ SPRAG_MEMBERS(estimate_t, session, utime, tick, t, f, q, u, closed, settled_tick
               suspect_t, suspect_contact, suspicion)
 
 // ---- assessments
-SPRAG_MEMBERS(Definiteness, smallest, semidefinite, null_motions)
-SPRAG_MEMBERS(Directions, rank, condition, dependent)
-SPRAG_MEMBERS(OpposingStops, i, j, room)
-SPRAG_MEMBERS(Monotonicity, common, margin)
-SPRAG_MEMBERS(Mode, omega, contact, projection, seen, decades)
-SPRAG_MEMBERS(ContactUse, closings, share, last_share)
-SPRAG_MEMBERS(Trial, planned, duration, error, contacts, closings, longest_open, open_share, events,
-              growth)
-SPRAG_MEMBERS(FilterTrial, duration, closings, left, known_from)
-SPRAG_MEMBERS(ModalMachine, model, master, replica, observed, uncertainty)
-SPRAG_MEMBERS(Reduction, correction, modes, static_vectors, least_zeta, share, rms, machine)
-SPRAG_MEMBERS(ReductionTable, scene, closings, from, to, reductions)
-SPRAG_MEMBERS(Accuracy::Change, modes, change)
-SPRAG_MEMBERS(Accuracy, tolerance, duration, modes, changes, fewest, change)
-SPRAG_MEMBERS(CertifiedFloor, median, largest, without_events)
-SPRAG_MEMBERS(GuaranteedWidths, floor, duration, why_none, widths)
 SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
-SPRAG_MEMBERS(Assessment, scene, coordinates, law, M, C, K, W, opposing, monotonicity, modes, path,
-              slow_root, decades, omega_max, trial, filter, accuracy, findings)
 
 // ---- parameters
 SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,

@@ -18,8 +18,8 @@
 #include "lcmtypes/messages.h"
 #include "observer/estimation.h"
 #include "observer/messages.h"
+#include "python/src/bindings.h"
 #include "python/src/bus.h"
-#include "python/src/live.h"
 #include "recording/recording.h"
 #include "recording/session_tracker.h"
 #include "sprag/detail/events/message_builder.h"
@@ -245,19 +245,17 @@ void bind_recordings(py::module_& module) {
       .def_readonly("damages", &EventsRecording::damages,
                     "Where reading stopped: line, what; everything before is used.");
   module.def(
-      "_open_recording", &open_recording, py::arg("file"), py::arg("scene"), py::arg("key"),
-      py::arg("step"),
+      "_open_recording", &open_recording, "file"_a, "scene"_a, "key"_a, "step"_a,
       "The messages of an LCM log or of an events file: channel, data, arrival [us], whether "
       "it is the first contact message of an appended recording. An events file becomes "
       "messages `step` [s] apart; 0: a thousand of them.");
-  module.def("_has_estimates", &has_estimates, py::arg("log"));
+  module.def("_has_estimates", &has_estimates, "log"_a);
 
   py::class_<RecordingObserver>(module, "_RecordingObserver")
-      .def(py::init<const Scene&, double, bool>(), py::arg("scene"), py::arg("tick"),
-           py::arg("of_log"))
-      .def("take", &RecordingObserver::take, py::arg("channel"), py::arg("data"),
-           py::arg("monotonic"), py::arg("utime"), py::arg("appended"))
-      .def("settle", &RecordingObserver::settle, py::arg("ticks"),
+      .def(py::init<const Scene&, double, bool>(), "scene"_a, "tick"_a, "of_log"_a)
+      .def("take", &RecordingObserver::take, "channel"_a, "data"_a, "monotonic"_a, "utime"_a,
+           "appended"_a)
+      .def("settle", &RecordingObserver::settle, "ticks"_a,
            "Messages with the estimates of at most so many ticks, and whether all have settled.");
 }
 

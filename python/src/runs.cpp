@@ -1,5 +1,3 @@
-#include "python/src/runs.h"
-
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -17,6 +15,7 @@
 #include <vector>
 
 #include "python/src/arrays.h"
+#include "python/src/bindings.h"
 #include "python/src/long_call.h"
 #include "python/src/members.h"
 #include "python/src/settings.h"
@@ -364,17 +363,17 @@ void bind_energies(py::module_& module) {
 // Same limit as in the program check_scene.
 constexpr auto longest_trial = std::chrono::seconds(5);
 
-// With what the program check_scene prints of the scene's uncertainties.
 struct PythonAssessment {
-  Assessment assessment;
-  std::optional<GuaranteedWidths> guaranteed;
-  std::string uncertainties;
+  bool synchronizes = false;
+  std::string verdict;
+  std::vector<Finding> findings;
+  double decades = 0.0;
+  std::optional<int> modes_needed;
+  std::optional<std::vector<std::pair<std::string, double>>> half_widths;
+  std::string text;
 };
-SPRAG_MEMBERS(PythonAssessment, assessment, guaranteed, uncertainties)
-
-std::string to_text(const PythonAssessment& of) {
-  return to_text(of.assessment) + of.uncertainties;
-}
+SPRAG_MEMBERS(PythonAssessment, synchronizes, verdict, findings, decades, modes_needed, half_widths,
+              text)
 
 PythonAssessment check(const Scene& scene, std::optional<double> accuracy) {
   if (accuracy && !(*accuracy > 0.0)) throw std::invalid_argument("accuracy must be > 0");
@@ -382,12 +381,23 @@ PythonAssessment check(const Scene& scene, std::optional<double> accuracy) {
   limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
     return std::chrono::steady_clock::now() - begin > longest_trial;
   };
-  PythonAssessment all{assess(scene, limits), {}, {}};
-  if (accuracy) assess_accuracy(scene, *accuracy, limits, all.assessment);
-  all.assessment.scene = printable(scene.name);
-  all.guaranteed = guaranteed_widths(scene);
-  all.uncertainties = parameters_text(scene) + guaranteed_text(scene, all.guaranteed);
-  return all;
+  Assessment found = assess(scene, limits);
+  if (accuracy) assess_accuracy(scene, *accuracy, limits, found);
+  found.scene = printable(scene.name);
+  const std::optional<GuaranteedWidths> guaranteed = guaranteed_widths(scene);
+  PythonAssessment result{
+      found.synchronizes(),
+      found.verdict(),
+      found.findings,
+      found.decades,
+      {},
+      {},
+      to_text(found) + parameters_text(scene) + guaranteed_text(scene, guaranteed)};
+  if (found.accuracy) result.modes_needed = found.accuracy->modes;
+  if (guaranteed && guaranteed->why_none.empty()) {
+    result.half_widths.emplace(guaranteed->widths.begin(), guaranteed->widths.end());
+  }
+  return result;
 }
 
 void bind_check(py::module_& module) {
@@ -404,28 +414,23 @@ void bind_check(py::module_& module) {
   value_class<Class>(
       module, "Assessment",
       "Whether a scene's replica will synchronize, and why. str() is what check_scene prints.")
-      .get("synchronizes", "Whether all required findings hold.", &Class::assessment,
-           &Assessment::synchronizes)
-      .get("verdict", "'will synchronize' or 'may not synchronize'.", &Class::assessment,
-           &Assessment::verdict)
-      .get("findings", "All findings.", &Class::assessment, &Assessment::findings)
+      .get("synchronizes", "Whether all required findings hold.", &Class::synchronizes)
+      .get("verdict", "'will synchronize' or 'may not synchronize'.", &Class::verdict)
+      .get("findings", "All findings.", &Class::findings)
       .get("decades", "By how many decades V falls a unit of time without impacts [1/s].",
-           &Class::assessment, &Assessment::decades)
+           &Class::decades)
       .get("modes_needed", "The fewest modes within the accuracy that was asked for, or None.",
-           [](const Class& of) -> std::optional<int> {
-             if (!of.assessment.accuracy) return std::nullopt;
-             return of.assessment.accuracy->modes;
+           &Class::modes_needed)
+      .get("half_widths",
+           "Guaranteed half-widths of the outputs, or of the gaps, by name, in the second half of "
+           "a trial run; inf where no spring holds one. None without a tolerance or a guarantee.",
+           [](const Class& of) {
+             using ByName = std::map<std::string, double>;
+             return of.half_widths
+                        ? std::optional<ByName>({of.half_widths->begin(), of.half_widths->end()})
+                        : std::nullopt;
            })
-      .def_property_readonly(
-          "half_widths",
-          [](const Class& of) -> std::optional<std::map<std::string, double>> {
-            if (!of.guaranteed || !of.guaranteed->why_none.empty()) return std::nullopt;
-            return std::map<std::string, double>(of.guaranteed->widths.begin(),
-                                                 of.guaranteed->widths.end());
-          },
-          "Guaranteed half-widths of the outputs, or of the gaps, by name, in the second half of a "
-          "trial run; inf where no spring holds one. None without a tolerance or a guarantee.")
-      .def("__str__", [](const Class& of) { return to_text(of); });
+      .def("__str__", [](const Class& of) { return of.text; });
   module.def(
       "check",
       [](const Scene& scene, std::optional<double> accuracy) {

@@ -1,5 +1,3 @@
-#include "python/src/studies.h"
-
 #include <pybind11/eigen.h>
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
@@ -16,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "python/src/bindings.h"
 #include "python/src/long_call.h"
 #include "python/src/random.h"
 #include "python/src/settings.h"

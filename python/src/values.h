@@ -45,26 +45,15 @@ concept EigenDense = std::derived_from<T, Eigen::PlainObjectBase<T>>;
 template <typename T>
 concept Plain = std::is_arithmetic_v<T> || std::is_enum_v<T>;
 
+/// Whether a type is an instance of a template: instance<std::vector, T>.
+template <template <typename...> typename Template, typename T>
+constexpr bool instance = false;
+template <template <typename...> typename Template, typename... Arguments>
+constexpr bool instance<Template, Template<Arguments...>> = true;
 template <typename T>
-struct Container : std::false_type {};
-template <typename T>
-struct Container<std::vector<T>> : std::true_type {};
-template <typename T>
-struct Optional : std::false_type {};
-template <typename T>
-struct Optional<std::optional<T>> : std::true_type {};
-template <typename T>
-struct Pointer : std::false_type {};
-template <typename T>
-struct Pointer<std::shared_ptr<T>> : std::true_type {};
-template <typename T>
-struct FixedArray : std::false_type {};
+constexpr bool is_array = false;
 template <typename T, std::size_t n>
-struct FixedArray<std::array<T, n>> : std::true_type {};
-template <typename T>
-struct Pair : std::false_type {};
-template <typename A, typename B>
-struct Pair<std::pair<A, B>> : std::true_type {};
+constexpr bool is_array<std::array<T, n>> = true;
 
 /// Appends the members of values to a string of bytes. Objects with several owners are written
 /// once.
@@ -84,18 +73,18 @@ class Packer {
       add(value.rows());
       add(value.cols());
       for (Eigen::Index i = 0; i < value.size(); ++i) add(value.data()[i]);
-    } else if constexpr (Container<T>::value) {
+    } else if constexpr (instance<std::vector, T>) {
       add(value.size());
       for (const typename T::value_type& of : value) add(of);
-    } else if constexpr (FixedArray<T>::value) {
+    } else if constexpr (is_array<T>) {
       for (const auto& of : value) add(of);
-    } else if constexpr (Optional<T>::value) {
+    } else if constexpr (instance<std::optional, T>) {
       add(value.has_value());
       if (value) add(*value);
-    } else if constexpr (Pair<T>::value) {
+    } else if constexpr (instance<std::pair, T>) {
       add(value.first);
       add(value.second);
-    } else if constexpr (Pointer<T>::value) {
+    } else if constexpr (instance<std::shared_ptr, T>) {
       add_shared(value);
     } else if constexpr (std::same_as<T, SampledInput>) {
       if (value.is_streamed()) throw std::invalid_argument("a streamed input is no value");
@@ -151,24 +140,24 @@ class Unpacker {
       return std::string(taken(take<std::size_t>()));
     } else if constexpr (EigenDense<T>) {
       return take_dense<T>();
-    } else if constexpr (Container<T>::value) {
+    } else if constexpr (instance<std::vector, T>) {
       T values;
       for (auto n = take<std::size_t>(); n > 0; --n) {
         values.push_back(take<typename T::value_type>());
       }
       return values;
-    } else if constexpr (FixedArray<T>::value) {
+    } else if constexpr (is_array<T>) {
       T values;
       for (auto& of : values) of = take<typename T::value_type>();
       return values;
-    } else if constexpr (Optional<T>::value) {
+    } else if constexpr (instance<std::optional, T>) {
       return take<bool>() ? T(take<typename T::value_type>()) : T();
-    } else if constexpr (Pair<T>::value) {
+    } else if constexpr (instance<std::pair, T>) {
       T pair;
       pair.first = take<typename T::first_type>();
       pair.second = take<typename T::second_type>();
       return pair;
-    } else if constexpr (Pointer<T>::value) {
+    } else if constexpr (instance<std::shared_ptr, T>) {
       return take_shared<typename T::element_type>();
     } else if constexpr (std::same_as<T, SampledInput>) {
       const auto t = take<std::vector<double>>(), values = take<std::vector<double>>();
