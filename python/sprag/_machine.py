@@ -40,6 +40,19 @@ def machine_of(scene: Any) -> Machine:
     return Machine(scene.name, scene.f, scene.m, units, _decay_rate(model.M, model.C), scene.gaps)
 
 
+def rates_of_excitation(model: Any) -> list[float]:
+    """Angular frequencies of forces and supports [rad/s]."""
+    harmonics = [force.harmonic for force in model.forces] + [c.motion for c in model.contacts]
+    return [of.frequency for of in harmonics if of.amplitude != 0.0 and of.frequency > 0.0]
+
+
+def squared_frequencies(model: Any) -> Numbers:
+    """Eigenvalues of M^-1 K, ascending [rad^2/s^2], f entries."""
+    inverse = np.linalg.inv(np.linalg.cholesky(model.M))
+    squares: Numbers = np.linalg.eigvalsh(inverse @ model.K @ inverse.T)
+    return squares
+
+
 def read_machine(file: str) -> Machine:
     """Reads the file of a scene. Raises SceneError."""
     try:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from . import _command
 from ._command import EXIT_DONE, Parser, SceneFile, UsageError, Written, choose, printable
 from ._errors import Error, ModelError
+from ._machine import rates_of_excitation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -222,15 +223,8 @@ class _Trials:
         machine, _ = self._core.drawn(self.scene, self.scene, SEED, number, energy)
         return self._core.run(machine, self.duration, 0.0, SAMPLES)
 
-    def _frequencies(self) -> list[float]:
-        """Angular frequencies of the excitation [rad/s]."""
-        model = self.scene.model
-        harmonics = [force.harmonic for force in model.forces]
-        harmonics += [contact.motion for contact in model.contacts]
-        return [of.frequency for of in harmonics if of.amplitude != 0.0 and of.frequency > 0.0]
-
     def _closings_per_time(self) -> float:
-        slowest = min(self._frequencies(), default=20.0)
+        slowest = min(rates_of_excitation(self.scene.model), default=20.0)
         duration = min(20.0 / slowest, self._end)
         for _ in range(12):
             closings = self._run(duration, 2).closings
@@ -248,7 +242,7 @@ class _Trials:
         """
         from ._core import energies
 
-        fastest = max(self._frequencies(), default=0.0)
+        fastest = max(rates_of_excitation(self.scene.model), default=0.0)
         wanted = SAMPLES_OF_A_PERIOD * self.duration * fastest / (2.0 * math.pi)
         truth = self._run(self.duration, int(min(max(wanted, SAMPLES_OF_MOTION), 1e6)))
         q, u = (of[len(of) // 2 :] for of in (truth.q, truth.u))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._machine import squared_frequencies
 from .content import Grid, Section, count, facts, quantity, rounded, scale
 from .pictures import record_picture
 
@@ -139,9 +140,7 @@ def _force(force: Force) -> str:
 
 def _frequencies(model: Model) -> str:
     """Undamped natural frequencies, of K - omega^2 M."""
-    inverse = np.linalg.inv(np.linalg.cholesky(model.M))
-    squares = np.linalg.eigvalsh(inverse @ model.K @ inverse.T)
-    hertz = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * math.pi)
+    hertz = np.sqrt(np.maximum(squared_frequencies(model), 0.0)) / (2.0 * math.pi)
     return _list(hertz, 4, " Hz")
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core import _drawing_of, beam_contact
+from .._machine import rates_of_excitation, squared_frequencies
 
 Numbers = npt.NDArray[np.float64]
 
@@ -24,12 +25,9 @@ LONGEST_CHAIN = 12
 
 def longest_period(model: Any) -> float | None:
     """Period of the excitation, else of the slowest vibration [s]. None: nothing vibrates."""
-    harmonics = [force.harmonic for force in model.forces] + [c.motion for c in model.contacts]
-    rates = [h.frequency for h in harmonics if h.amplitude != 0.0 and h.frequency > 0.0]
+    rates = rates_of_excitation(model)
     if not rates:
-        # The eigenvalues of M^-1 K. Those below the rounding of the largest are rigid motion.
-        L = np.linalg.inv(np.linalg.cholesky(model.M))
-        squares = np.linalg.eigvalsh(L @ model.K @ L.T)
+        squares = squared_frequencies(model)  # those below rounding are rigid motion
         rates = [math.sqrt(s) for s in squares if s > 1e-12 * np.abs(squares).max()]
     return 2.0 * math.pi / min(rates) if rates else None
 
