@@ -86,20 +86,13 @@ class Parser(argparse.ArgumentParser):
             allow_abbrev=False,
             formatter_class=_HelpFormatter,
         )
-        self.add_argument("--version", action="version", version=f"{program} {__version__}")
-        self.add_argument("--url", metavar="LCM_URL", default=DEFAULT_URL, help="LCM address")
-        self.add_argument(
-            "--key",
-            metavar="FILE",
-            type=Read,
-            help="sign all messages, and accept only signed ones",
-        )
-        self.add_argument(
-            "--report",
-            metavar="FILE.json",
-            type=Written,
-            help="write the run's figures to this file",
-        )
+        add = self.add_argument
+        add("--version", action="version", version=f"{program} {__version__}")
+        add("--url", metavar="LCM_URL", default=DEFAULT_URL, help="LCM address")
+        text = "sign all messages, and accept only signed ones"
+        add("--key", metavar="FILE", type=Read, help=text)
+        text = "write the run's figures to this file"
+        add("--report", metavar="FILE.json", type=Written, help=text)
 
     def format_help(self) -> str:
         formatter = self._get_formatter()

@@ -502,14 +502,17 @@ def states(
     >>> sprag.plot.states({"machine": run, "filter": estimates}, scene).savefig("run.png")
     """
     named = runs if isinstance(runs, Mapping) else {_kind_of(runs): runs}
-    drawn = [_states_table(label, run, scene) for label, run in named.items()]
+    drawn = [_table("states", name, tables.columns(run, scene)) for name, run in named.items()]
     if events is not None:
-        drawn.append(_events_table(events))
+        drawn.append(_table("events", "events", _edges(events)))
     label = list(named)[-1]
     if impacts is not None:
-        drawn.append(_impacts_table(label, impacts))
+        rows = np.asarray(impacts)
+        drawn.append(
+            _table("impacts", label, {name: rows[name] for name in rows.dtype.names or ()})
+        )
     if V is not None:
-        drawn.append(_energy_table(label, V, drawn[0].column("t")))
+        drawn.append(_table("energy", label, _energies(V, drawn[0].column("t"))))
     return draw(drawn, scene, show=show, begin=begin, end=end, zoom=zoom, title=title)
 
 
@@ -517,40 +520,30 @@ def _kind_of(run: Any) -> str:
     return "estimate" if hasattr(run, "sigma_q") else "machine"
 
 
-def _states_table(label: str, run: Any, scene: Any) -> Table:
-    """A result as the states file that the programs write of it."""
+def _table(kind: tables.Kind, label: str, columns: Mapping[str, Any]) -> Table:
+    """A result as the file that the programs write of it."""
     pd = _command.require("pandas", "python3-pandas", "drawing")
-    return Table("states", label, pd.DataFrame(tables.columns(run, scene)), Path(label))
+    return Table(kind, label, pd.DataFrame(columns), Path(label))
 
 
-def _energy_table(label: str, V: Any, t: Numbers) -> Table:
+def _energies(V: Any, t: Numbers) -> dict[str, Numbers]:
     """Error energies at the ticks of runs, V alone or with its parts."""
-    pd = _command.require("pandas", "python3-pandas", "drawing")
     total = np.asarray(getattr(V, "V", V), float)
     if total.shape != t.shape:
         raise ValueError(f"V has shape {total.shape}; must have that of t, {t.shape}")
-    columns = {"k": np.arange(len(t), dtype=float), "t": t, "V": total}
     parts = getattr(V, "V_i", np.zeros((len(t), 0)))
-    columns.update({f"V{i + 1}": parts[:, i] for i in range(parts.shape[1])})
-    return Table("energy", label, pd.DataFrame(columns), Path(label))
+    of_modes = {f"V{i + 1}": part for i, part in enumerate(parts.T)}
+    return {"k": np.arange(len(t), dtype=float), "t": t, "V": total, **of_modes}
 
 
-def _impacts_table(label: str, impacts: Any) -> Table:
-    pd = _command.require("pandas", "python3-pandas", "drawing")
-    rows = np.asarray(impacts)
-    columns = {name: rows[name] for name in rows.dtype.names or ()}
-    return Table("impacts", label, pd.DataFrame(columns), Path(label))
-
-
-def _events_table(events: Any) -> Table:
-    pd = _command.require("pandas", "python3-pandas", "drawing")
+def _edges(events: Any) -> dict[str, Numbers]:
+    """A pulse is two rows."""
     rows = []
     for t, contact, kind in np.asarray(events).tolist():
         rows.append((t, contact, float(kind != OPENS)))
         if kind == IMPACT:
             rows.append((t, contact, 0.0))
-    data = pd.DataFrame(rows, columns=["t", "contact", "closed"], dtype=float)
-    return Table("events", "events", data, Path("events"))
+    return dict(zip(("t", "contact", "closed"), np.array(rows, float).reshape(-1, 3).T))
 
 
 # --- the program ---

@@ -538,6 +538,10 @@ class Folder:
         done = [segment.runs for source in self._sources for segment in source.segments]
         return missing_ranges(self.indices, done)
 
+    def progress(self, workers: int) -> Progress:
+        missing = sum(part.end - part.first for part in self.missing())
+        return Progress(self.size, self.size - missing, workers)
+
     def append(self, chunk: Chunk) -> None:
         assert self._output is not None
         self._output.append(chunk.text)
@@ -586,9 +590,7 @@ def run_study(
     if output is not None:
         with contextlib.closing(Folder(runs, Path(output))) as folder:
             folder.open(workers)
-            missing = folder.missing()
-            progress = Progress(folder.size, folder.size - _size(missing), workers)
-            _run_all(runs, missing, executor, progress, folder.append)
+            _run_all(runs, folder.missing(), executor, folder.progress(workers), folder.append)
             folder.complete(workers)
         return read_study(output)
     manifest = runs.manifest
@@ -598,10 +600,6 @@ def run_study(
     _run_all(runs, [everything], executor, progress, chunks.append)
     text = "".join(chunk.text for chunk in sorted(chunks))
     return study_from_rows(io.StringIO(f"{','.join(manifest['columns'])}\n{text}"), manifest)
-
-
-def _size(ranges: list[Range]) -> int:
-    return sum(part.end - part.first for part in ranges)
 
 
 # --- the program
@@ -717,19 +715,10 @@ def _run_folder(
     workers: int,
     report: dict[str, Any],
 ) -> None:
-    missing = folder.missing()
-    progress = Progress(folder.size, folder.size - _size(missing), workers)
-    line = _ProgressLine()
+    progress, line = folder.progress(workers), _ProgressLine()
+    more: dict[str, Any] = {"chunk": options.chunk or 0, "show": line.show}
     try:
-        _run_all(
-            runs,
-            missing,
-            executor,
-            progress,
-            folder.append,
-            chunk=options.chunk or 0,
-            show=line.show,
-        )
+        _run_all(runs, folder.missing(), executor, progress, folder.append, **more)
         if not folder.finished:
             report["failed"] = folder.failures + progress.failures
         folder.complete(workers)
@@ -763,29 +752,16 @@ def main() -> int:
         "starts vary. Rows go to DIR/rows.csv. A study that was ended goes on where it was when it "
         "is started again. Threads compute, or the workers of MPI or Dask.",
     )
-    parser.add_argument(
-        "STUDY", type=SceneFile, help="Study file, or the name of one that comes with Sprag"
-    )
-    parser.add_argument(
-        "--output", metavar="DIR", help="folder of the results; default the study's name"
-    )
-    parser.add_argument(
-        "--shard",
-        metavar="i/n",
-        type=_shard,
-        help="run the i-th of n equal parts alone, with files of its own",
-    )
-    parser.add_argument("--jobs", metavar="n", type=jobs, help="threads; default: all cores")
-    parser.add_argument(
-        "--mpi", action="store_true", help="run on the ranks of mpirun; the first one hands out"
-    )
-    parser.add_argument(
-        "--dask", metavar="ADDRESS", help="run on the workers of this Dask scheduler"
-    )
-    parser.add_argument(
-        "--chunk",
-        metavar="n",
-        type=count,
-        help="hand out and write so many runs together; default as many as take a second",
-    )
+    add = parser.add_argument
+    text = "Study file, or the name of one that comes with Sprag"
+    add("STUDY", type=SceneFile, help=text)
+    add("--output", metavar="DIR", help="folder of the results; default the study's name")
+    text = "run the i-th of n equal parts alone, with files of its own"
+    add("--shard", metavar="i/n", type=_shard, help=text)
+    add("--jobs", metavar="n", type=jobs, help="threads; default: all cores")
+    text = "run on the ranks of mpirun; the first one hands out"
+    add("--mpi", action="store_true", help=text)
+    add("--dask", metavar="ADDRESS", help="run on the workers of this Dask scheduler")
+    text = "hand out and write so many runs together; default as many as take a second"
+    add("--chunk", metavar="n", type=count, help=text)
     return run_program(parser, _run)

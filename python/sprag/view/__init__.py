@@ -48,25 +48,16 @@ def _parser() -> Parser:
         "sigma, contacts, error energies, and the observer's health. Serves a page until a signal "
         "comes; it can only be looked at.",
     )
-    parser.add_argument("scene", metavar="SCENE", type=SceneFile, help="scene file or name")
-    parser.add_argument(
-        "--http",
-        metavar="ADDRESS:PORT",
-        default="127.0.0.1:8080",
-        help="where the page is; port 0 takes one that is free",
-    )
-    parser.add_argument(
-        "--replay",
-        metavar="FILE",
-        type=Read,
-        help="show an LCM log or an events CSV; contacts without estimates are observed meanwhile",
-    )
-    parser.add_argument(
-        "--speed", metavar="R", type=_speed, help="replay so many times as fast, or max [1]"
-    )
-    parser.add_argument(
-        "--tick", metavar="H", type=positive, help="step of the observer of a replay [0.001 s]"
-    )
+    add = parser.add_argument
+    add("scene", metavar="SCENE", type=SceneFile, help="scene file or name")
+    text = "where the page is; port 0 takes one that is free"
+    add("--http", metavar="ADDRESS:PORT", default="127.0.0.1:8080", help=text)
+    text = "show an LCM log or an events CSV; contacts without estimates are observed meanwhile"
+    add("--replay", metavar="FILE", type=Read, help=text)
+    text = "replay so many times as fast, or max [1]"
+    add("--speed", metavar="R", type=_speed, help=text)
+    text = "step of the observer of a replay [0.001 s]"
+    add("--tick", metavar="H", type=positive, help=text)
     return parser
 
 
