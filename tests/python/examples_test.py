@@ -1,4 +1,7 @@
-"""The scripts in python/examples, one for each tutorial, run and find what their tutorials find."""
+"""The examples of the tutorials run, and find what they say.
+
+They are scripts in python/examples, one for each tutorial; that of Python consists of scripts.
+"""
 
 import os
 import re
@@ -11,14 +14,16 @@ import unittest
 from support import BUILD, SOURCE, free_url, multicast_works
 
 EXAMPLES = SOURCE / "python" / "examples"
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-def run(name: str, folder: str, **environment: str) -> str:
-    """What the script prints."""
+def run(*script: str, folder: str, **environment: str) -> str:
+    """What a script prints."""
+    path = {"PATH": f"{BUILD}:{os.environ['PATH']}"}
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / f"{name}.py")],
+        [sys.executable, *script],
         cwd=folder,
-        env={**os.environ, "PATH": f"{BUILD}:{os.environ['PATH']}", **environment},
+        env={**os.environ, **path, **environment},
         capture_output=True,
         text=True,
     )
@@ -33,6 +38,9 @@ class ExamplesTest(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = folder.name
 
+    def printed(self, name: str, **environment: str) -> str:
+        return run(str(EXAMPLES / f"{name}.py"), folder=self.folder, **environment)
+
     def number(self, pattern: str, text: str) -> float:
         found = re.search(pattern, text)
         self.assertIsNotNone(found, text)
@@ -41,25 +49,25 @@ class ExamplesTest(unittest.TestCase):
     def test_each_tutorial_has_a_script_and_links_to_it(self):
         names = {file.stem for file in EXAMPLES.glob("*.py")}
         for page in (SOURCE / "docs/tutorials").glob("*.md"):
-            if page.stem == "python":  # consists of scripts, which tutorial_test.py runs
+            if page.stem == "python":
                 continue
             self.assertIn(page.stem, names)
             self.assertIn(f"python/examples/{page.stem}.py", page.read_text(encoding="utf-8"))
 
     def test_paper_beam(self):
-        printed = run("paper_beam", self.folder)
+        printed = self.printed("paper_beam")
         self.assertIn("synchronizes: True\n33 impacts, the first at t = 0.4565\n", printed)
         self.assertLess(self.number(r"t =  5.0: .* default (\S+)", printed), 1e-20)
 
     def test_own_machine(self):
-        printed = run("own_machine", self.folder)
+        printed = self.printed("own_machine")
         self.assertIn("synchronizes: False\n30 bounces\nfits: True", printed)
         self.assertAlmostEqual(
             self.number(r"impact.restitution: (\S+)", printed), 0.9487, delta=0.001
         )
 
     def test_arduino(self):
-        printed = run("arduino", self.folder)
+        printed = self.printed("arduino")
         self.assertIn("time_us,contact,level\n", printed)
         self.assertLess(self.number(r"times within (\S+) us", printed), 1.0)
         self.assertLess(self.number(r"q is within (\S+) um", printed), 5.0)
@@ -67,9 +75,29 @@ class ExamplesTest(unittest.TestCase):
     @unittest.skipUnless(multicast_works(), "multicast does not work on this host")
     @unittest.skipUnless((BUILD / "sprag").exists(), "the programs are not built")
     def test_live(self):
-        printed = run("live", self.folder, SPRAG_URL=free_url())
+        printed = self.printed("live", SPRAG_URL=free_url())
         self.assertGreater(self.number(r"(\d+) settled", printed), 100)
         self.assertLess(self.number(r"off by (\S+)", printed), 1e-6)
+
+    def test_the_tutorial_of_python(self):
+        text = (SOURCE / "docs/tutorials/python.md").read_text(encoding="utf-8")
+        compared = 0
+        parts = re.split(r"^```python\n", text, flags=re.M)[1:]
+        self.assertEqual(len(parts), 5)
+        for i, part in enumerate(parts):
+            code, rest = part.split("\n```", 1)
+            with self.subTest(i):
+                printed = run("-c", code, folder=self.folder)
+                said = re.match(r"\n+It prints\n\n```\n(.*?)^```", rest, flags=re.M | re.S)
+                if not said:
+                    continue
+                compared += 1
+                self.assertEqual(NUMBER.sub("#", printed), NUMBER.sub("#", said[1]))
+                numbers = [[float(x) for x in NUMBER.findall(of)] for of in (printed, said[1])]
+                for a, b in zip(*numbers):
+                    # Numpy's random numbers and rounding may differ between versions.
+                    self.assertLessEqual(abs(a - b), 0.5 * abs(b))
+        self.assertEqual(compared, 2)
 
 
 if __name__ == "__main__":

@@ -7,10 +7,9 @@ import unittest
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 import sprag
-from support import BUILD, SOURCE, scene, write_events
+from support import SOURCE, scene, write_events
 
 STUDY = """scene = "lab_rig"
 duration = 5.0
@@ -81,28 +80,6 @@ class PlotTest(unittest.TestCase):
         events = sprag.simulate(rig, 3.0).events
         smoothed = sprag.smooth(rig, events, 3.0)
         self.assertGreater(len(sprag.plot.states(smoothed, rig, events=events).axes), 1)
-
-    def test_columns_are_those_of_the_file(self):
-        with tempfile.TemporaryDirectory() as folder:
-            events, states = Path(folder) / "events.csv", Path(folder) / "states.csv"
-            named = str(SOURCE / "scenes/two_stops_beam.toml")
-            recorded = ["--duration", "10", "--speed", "max", "--no-lcm", "--events", events]
-            subprocess.run(
-                [BUILD / "sprag", "master_sim", named, *recorded], check=True, capture_output=True
-            )
-            replay = ["--replay", events, "--duration", "10", "--tick", "0.01", "--states", states]
-            subprocess.run(
-                [BUILD / "sprag", "observer", named, *replay], check=True, capture_output=True
-            )
-            table = sprag.tables.read_table(states)
-            taken = sprag.read_events(events, self.scene)
-        estimate = sprag.observe(self.scene, taken, 10.0)
-        ours = pd.DataFrame(sprag.tables.columns(estimate, self.scene))
-        self.assertLessEqual({"t", "q1", "u1", "sigma_g1", "B", "from_filter"}, set(ours))
-        self.assertLessEqual(set(ours), set(table.data))
-        for name in ours:
-            theirs = table.column(name)
-            np.testing.assert_array_equal(ours[name].to_numpy()[: len(theirs)], theirs, name)
 
 
 class OthersTest(unittest.TestCase):

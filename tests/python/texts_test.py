@@ -1,5 +1,6 @@
 """str() of a result is what the program prints."""
 
+import json
 import os
 import subprocess
 import tempfile
@@ -82,6 +83,29 @@ class TextsTest(unittest.TestCase):
         self.assertLess(reductions.begin, reductions.end)
         with self.assertRaises(IndexError):
             reductions[len(reductions)]
+
+    def test_assessment(self):
+        for name in ("paper_beam", "bouncing_ball", "lab_rig"):
+            file = SOURCE / "scenes" / f"{name}.toml"
+            check = sprag.check(scene(name))
+            with self.subTest(name):
+                self.assertEqual(str(check), printed("CHECK_SCENE", file))
+                of = json.loads(printed("CHECK_SCENE", file, "--json"))
+                self.assertEqual(check.verdict, of["verdict"])
+                self.assertIs(check.synchronizes, name != "bouncing_ball")
+                names = ("id", "required", "holds", "what", "provided", "change")
+                found = [[getattr(one, name) for name in names] for one in check.findings]
+                self.assertEqual(found, [list(one.values()) for one in of["findings"]])
+                for one in check.findings:
+                    self.assertTrue(one.change or one.holds or not one.required, one)
+
+    def test_number_of_modes_needed(self):
+        self.assertIsNone(sprag.check(scene()).modes_needed)
+        file = SOURCE / "scenes/stiff_beam.toml"
+        of = json.loads(printed("REDUCE", file, "--json", "--accuracy", 0.01))
+        self.assertEqual(sprag.check(scene("stiff_beam"), accuracy=0.01).modes_needed, of["modes"])
+        with self.assertRaises(ValueError):
+            sprag.check(scene(), accuracy=0.0)
 
     def test_uncertainties_of_a_scene(self):
         rig = scene("lab_rig")
