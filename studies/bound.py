@@ -55,8 +55,8 @@ def run(
     """Certified floor, largest median error found, median error of the filter."""
     delta = limits.get("time", 0.0)
     # Rounding must not lift the energy of the error at the start above the stated uncertainty.
-    V = float(energy(scene, scene.master, scene.replica)[0])
-    scene = scene.replace(uncertainty=np.full(scene.f, 1.01 * max(V, 1e-12) / scene.f))
+    start = float(energy(scene, scene.master, scene.replica)[0])
+    scene = scene.replace(uncertainty=np.full(scene.f, 1.01 * max(start, 1e-12) / scene.f))
     limited = scene.replace(tolerance=sprag.Tolerance(**limits))
     floors, found = [], []
     for machine in at_limits(scene, limits):

@@ -19,7 +19,12 @@ import numpy as np
 from machines import Array, disturbed, energy, machines, scaled, slowest_period, sprag
 
 PERIODS, TICKS, EVENTS = 60.0, 3000, 2500
-TROUBLES = {"none": {}, "lost": {"lost": 0.1}, "spurious": {"more": 0.1}, "wrong": {}}
+TROUBLES: dict[str, dict[str, float]] = {
+    "none": {},
+    "lost": {"lost": 0.1},
+    "spurious": {"more": 0.1},
+    "wrong": {},
+}
 HEAD = ["machines", "jitter", "runs", "mean square", "> 3 sigma [%]", "> 5 sigma [%]"]
 HEAD += ["no sigma [%]", "V over replica's", "falsely certain"]
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
@@ -47,6 +46,7 @@ plt.rcParams.update(
     }
 )
 PIXELS = 120.0  # per inch
+Points = list[tuple[float, float]]
 
 
 def rows(directory: Path, name: str) -> list[dict[str, str]]:
@@ -65,7 +65,7 @@ def number(text: str) -> float:
 
 def grid(
     width: float, height: float, down: int = 1, across: int = 1, title: str = "", below: float = 0.0
-) -> tuple[Figure, np.ndarray]:
+) -> tuple[Figure, Any]:
     """A figure of `width` x `height` pixels with down x across axes, and the axes as an array.
 
     `below`: height [pixels] below the axes that legend_below() uses.
@@ -80,7 +80,7 @@ def grid(
     return figure, axes
 
 
-def curve(ax: Axes, points: list[tuple[float, float]], **look: Any) -> None:
+def curve(ax: Axes, points: Points, **look: Any) -> None:
     """A line with markers through the points."""
     x, y = zip(*points) if points else ((), ())
     ax.plot(x, y, **({"marker": "o", "markersize": 4.5, "linewidth": 1.6} | look))
@@ -131,7 +131,7 @@ METHODS = {
 COST = "CPU time per unit of simulated time [µs]"
 
 
-def style(method, peer=False):
+def style(method: str, peer: bool = False) -> dict[str, Any]:
     color, marker = METHODS[method]
     ours = method == "exact"
     return {
@@ -145,9 +145,10 @@ def style(method, peer=False):
     }
 
 
-def front(points):
+def front(points: Points) -> Points:
     """The Pareto front of (cost, error) pairs, as the steps of a staircase."""
-    steps, least = [], math.inf
+    steps: Points = []
+    least = math.inf
     for cost, error in sorted(points):
         if error < least:
             if steps:
@@ -166,7 +167,14 @@ FRONT = {
 }
 
 
-def panels(directory, name, against, title, ylabel, layout):
+def panels(
+    directory: Path,
+    name: str,
+    against: dict[tuple[str, str], str],
+    title: str,
+    ylabel: str,
+    layout: tuple[int, int],
+) -> None:
     """One frame a scene of `against` = {(scene, column): heading}, and one legend below them
     all."""
     table = rows(directory, "work_precision")
@@ -227,7 +235,7 @@ EARLY = {
 }
 
 
-def work_precision(directory):
+def work_precision(directory: Path) -> None:
     panels(
         directory,
         "paper_beam",
@@ -250,7 +258,7 @@ def work_precision(directory):
     orders(directory)
 
 
-def orders(directory):
+def orders(directory: Path) -> None:
     """Prints fitted orders: slope of log error over log step or tolerance, in the range where the
     error still falls."""
     table = rows(directory, "work_precision")
@@ -267,7 +275,7 @@ def orders(directory):
                 print(",".join([scene, method, mine[0]["knob"], *fitted]))
 
 
-def fitted_order(rows_of_one, column):
+def fitted_order(rows_of_one: list[dict[str, str]], column: str) -> str:
     points = [(number(row["setting"]), number(row[column])) for row in rows_of_one]
     points = [p for p in points if all(math.isfinite(x) and x > 0 for x in p)]
     # Errors at the rounding level carry no slope.
@@ -275,7 +283,7 @@ def fitted_order(rows_of_one, column):
     return f"{fitted_exponent(points):.2f}" if len(points) >= 3 else ""
 
 
-def fitted_exponent(points):
+def fitted_exponent(points: Points) -> float:
     xs = [math.log(x) for x, _ in points]
     ys = [math.log(y) for _, y in points]
     x_mean, y_mean = sum(xs) / len(xs), sum(ys) / len(ys)

@@ -33,7 +33,7 @@ def seconds(scene: sprag.Scene, events: Events, duration: float, tick: float, na
             for closed in levels.get(event["kind"], [1, 0]):
                 lines.append(f"{event['t']!r},{event['contact']},{closed}\n")
         table.write_text("t,contact,closed\n" + "".join(lines), encoding="utf-8")
-        command = [OBSERVER, file, "--replay", table, "--duration", f"{duration}"]
+        command: list[str | Path] = [OBSERVER, file, "--replay", table, "--duration", f"{duration}"]
         command += ["--tick", f"{tick}", "--estimator", name]
         times = []
         for _ in range(REPEATS):

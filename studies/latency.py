@@ -8,6 +8,7 @@ publisher and the listener in Python. Prints quantiles in microseconds for each 
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +19,12 @@ URL = "udpm://239.255.76.67:7693?ttl=0"
 
 
 def latencies(tick: float) -> list[float]:
-    command = [ROOT / "build" / "observer" / "observer", "bouncing_ball", "--url", URL]
+    command: list[str | Path] = [
+        ROOT / "build" / "observer" / "observer",
+        "bouncing_ball",
+        "--url",
+        URL,
+    ]
     command += ["--estimator", "replica", "--tick", f"{tick}"]
     observer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     rng, found = np.random.default_rng(1), []

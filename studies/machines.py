@@ -13,9 +13,9 @@ import numpy.typing as npt
 ROOT = Path(__file__).resolve().parent.parent
 # PYTHONPATH, for another version, comes first.
 sys.path.append(str(ROOT / "build" / "python"))
-import sprag  # noqa: E402
+import sprag as sprag  # noqa: E402
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 Events = npt.NDArray[np.void]
 
 
@@ -145,14 +145,14 @@ def single(seed: int) -> sprag.Scene | None:
     motion = sprag.Harmonic(moves, shaken, rng.uniform(0.0, 6.0))
     clearance = rng.uniform(-0.05, 0.15)
     q = 0.3 * rng.normal(size=f)
-    q += w * max(0.1 - (w @ q + clearance), 0.0)
+    q += w * max(0.1 - float(w @ q + clearance), 0.0)
     contact = sprag.Contact(w, rng.uniform(0.3, 0.85), clearance, motion)
     off = 0.3 * rng.normal(size=f)
     return start(sprag.Model(M, symmetric(C), symmetric(K), [contact], forces), q, 0 * q, off, seed)
 
 
 def unit(v: Array) -> Array:
-    return v / np.linalg.norm(v)
+    return np.asarray(v / np.linalg.norm(v))
 
 
 def definite(rng: np.random.Generator, values: Array) -> Array:

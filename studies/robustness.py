@@ -11,6 +11,7 @@ from pathlib import Path
 from machines import ROOT, sprag
 
 SPRAG = ROOT / "build" / "sprag"
+DRIFTS: dict[str, list[str]] = {"tolerance": [], "tolerance_drift": ["--drift", "1e-5"]}
 ESTIMATORS = ["replica", "timing", "both"]
 
 
@@ -27,8 +28,16 @@ def medians(study: sprag.Study, name: str) -> list[tuple[dict[str, float], float
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "out" / "robustness")
     folder.mkdir(parents=True, exist_ok=True)
-    for name, drift in (("tolerance", []), ("tolerance_drift", ["--drift", "1e-5"])):
-        command = [SPRAG, "tolerance", "paper_beam", "--target", "1e-4", "--jitter", "1e-4"]
+    for name, drift in DRIFTS.items():
+        command: list[str | Path] = [
+            SPRAG,
+            "tolerance",
+            "paper_beam",
+            "--target",
+            "1e-4",
+            "--jitter",
+            "1e-4",
+        ]
         command += [*drift, "--output", folder / f"{name}.png"]
         subprocess.run(command, check=True)
     for name in ("paper_beam_jitter", "paper_beam_events", "paper_beam_drift", "paper_beam_modes"):
@@ -40,7 +49,7 @@ def main() -> None:
         for cells in zip(*columns):
             values = [*cells[0][0].values(), *(V for _, V in cells)]
             print("| " + " | ".join(f"{value:.2g}" for value in values) + " |")
-    picture = [SPRAG, "plot", folder / "paper_beam_jitter" / "rows.csv"]
+    picture: list[str | Path] = [SPRAG, "plot", folder / "paper_beam_jitter" / "rows.csv"]
     picture += ["--output", folder / "jitter.png", "--show", "timing.V_floor,both.V_floor"]
     subprocess.run(picture, check=True)
 

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 from machines import ROOT
 
@@ -20,7 +21,7 @@ PROGRAMS = {
 QUANTILES = ("p50", "p99", "p999", "max")
 
 
-def megabytes(process: subprocess.Popen) -> float:
+def megabytes(process: subprocess.Popen[bytes]) -> float:
     with open(f"/proc/{process.pid}/status", encoding="utf-8") as file:
         size = (line.split()[1] for line in file if line.startswith("VmRSS"))
         return int(next(size, "0")) / 1e3
@@ -36,7 +37,12 @@ def main() -> None:
     processes = {}
     try:
         for name, program in PROGRAMS.items():
-            command = [ROOT / "build" / program, "paper_beam", "--duration", f"{duration}"]
+            command: list[str | Path] = [
+                ROOT / "build" / program,
+                "paper_beam",
+                "--duration",
+                f"{duration}",
+            ]
             command += [
                 "--url",
                 "udpm://239.255.76.67:7687?ttl=0",

@@ -29,9 +29,9 @@ def least(b: Array) -> Array:
 def after_impact(law: str, epsilon: Array, gamma: Array) -> Array:
     """Velocities of both contacts, closed, after their impact; a row each."""
     if law == "Newton":
-        return gamma + least(gamma * (1.0 + epsilon)) @ G
+        return np.asarray(gamma + least(gamma * (1.0 + epsilon)) @ G)
     Lambda = (1.0 + epsilon) * least(gamma)
-    return gamma + (Lambda + least(gamma + Lambda @ G)) @ G
+    return np.asarray(gamma + (Lambda + least(gamma + Lambda @ G)) @ G)
 
 
 def newton() -> list[Curve]:
@@ -123,7 +123,7 @@ def grazing(scenes: int = 5000) -> list[Curve]:
         q, u = rng.uniform(-1.0, 1.0, 3), rng.uniform(-6.0, 6.0, 3)
         damped = np.sqrt(omega**2 - 0.05**2)
 
-        def gap(t: Array) -> Array:
+        def gap(t: Any) -> Any:
             turn = np.multiply.outer(t, damped)
             motion = q * np.cos(turn) + (u + 0.05 * q) / damped * np.sin(turn)
             return np.exp(-0.05 * t) * (motion @ w)
@@ -177,7 +177,7 @@ def draw(folder: Path) -> None:
     wrong, right, other = {"color": VERMILION}, {"color": BLUE}, {"color": GREEN}
     limit, dots = {"color": MUTED, "linestyle": DASHED}, {"marker": "o", "markersize": 3}
     log = {"xlabel": "time [s]", "ylabel": "V [J]", "yscale": "log"}
-    panels: list[tuple[str, list[Curve], list[tuple[str, dict]], dict]] = [
+    panels: list[tuple[str, list[Curve], list[tuple[str, Any]], dict[str, Any]]] = [
         (
             "Newton's law and a closed clutch",
             newton(),
