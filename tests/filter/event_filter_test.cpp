@@ -1,3 +1,5 @@
+// Would catch a filter that does not converge within a few events per unknown, depends on the order
+// of arrival, or loses positive definiteness.
 #include "sprag/detail/filter/event_filter.h"
 
 #include <gtest/gtest.h>
@@ -157,58 +159,6 @@ TEST(EventFilter, IsCalibrated) {
   }
 }
 
-// With the correct prior and jitter it is more accurate than the replica at every t. Medians over
-// many starts from the prior, because a single run may favour either.
-TEST(EventFilter, IsMoreAccurateThanReplicaWithJitter) {
-  const Scene& scene = cached_scene("paper_beam.toml");
-  constexpr int runs = 50;
-  for (const double sigma : {1e-4, 1e-3, 5e-3}) {
-    Scene given = scene;
-    given.prior.jitter = sigma;
-    std::mt19937_64 engine(19);
-    std::normal_distribution<double> normal;
-    std::vector<std::vector<double>> of_filter(40), of_replica(40);
-    for (int i = 0; i < runs; ++i) {
-      const Uncertainty uncertainty = uncertainty_of(given);
-      const auto draw = [&](const Eigen::MatrixXd& S) {
-        return Eigen::VectorXd(S * Eigen::VectorXd::NullaryExpr(3, [&] { return normal(engine); }));
-      };
-      given.prior.start.q = given.truth.start.q + draw(uncertainty.q);
-      given.prior.start.u = given.truth.start.u + draw(uncertainty.u);
-      Pursuit run(given, 0.1);
-      Replica replica(given.model, 0.1);
-      Replica::State state;
-      replica.start(given.prior.start, 0, 0, state);
-      const ErrorEnergy energy(given.model);
-      Eigen::VectorXd q(3), u(3);
-      for (int k = 1; k <= 400; ++k) {
-        std::vector<ContactEvent> reported;
-        const double V = run.tick([&](std::vector<ContactEvent>& events) {
-          for (ContactEvent& event : events) event.t += sigma * normal(engine);
-          reported = events;
-        });
-        replica.tick(reported, state);
-        if (k % 10 != 0) continue;
-        replica.output(state, q, u);
-        const auto t = static_cast<std::size_t>(k / 10 - 1);
-        of_filter[t].push_back(V);
-        of_replica[t].push_back(energy(run.truth.q, run.truth.u, q, u)[0]);
-      }
-    }
-    double closest = 0.0;
-    for (std::size_t t = 0; t < of_filter.size(); ++t) {
-      const auto median = [](std::vector<double>& values) {
-        std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-        return values[values.size() / 2];
-      };
-      const double ratio = median(of_filter[t]) / median(of_replica[t]);
-      closest = std::max(closest, ratio);
-      EXPECT_LT(ratio, 1.0) << "sigma " << sigma << ", t " << t + 1;
-    }
-    std::cout << "seed 19, sigma " << sigma << ": largest ratio of medians " << closest << '\n';
-  }
-}
-
 // Hundreds of thousands of events. With exact times the error stays at the rounding level. With
 // jitter it is within the claimed deviations but for rare ticks, mostly after a chatter within the
 // jitter; ticks near an event are left out, since the event may or may not have happened.
@@ -264,32 +214,6 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
     }
     EXPECT_LT(far_off, 3e-3 * ticks);
     EXPECT_LT(unknown, 3e-3 * ticks);
-  }
-}
-
-// For any jitter relative to the fastest mode the estimate stays finite and is not overconfident: V
-// stays below the expectation of the covariance.
-TEST(EventFilter, IsConsistentForAnyOmegaSigma) {
-  for (const auto& [name, sigma] :
-       {std::pair("steel_ruler.toml", 3e-3), std::pair("stiff_beam.toml", 3e-3),
-        std::pair("two_stops_beam.toml", 2e-2)}) {
-    Scene scene = cached_scene(name);
-    scene.prior.jitter = sigma;
-    Pursuit run(scene, 0.1);
-    std::mt19937_64 engine(29);
-    std::normal_distribution<double> normal;
-    const Eigen::Index f = scene.model.coordinates();
-    Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
-    for (int k = 0; k < 200; ++k) {
-      run.tick([&](std::vector<ContactEvent>& events) {
-        for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
-        std::ranges::sort(events, {}, &ContactEvent::t);
-      });
-      ASSERT_TRUE(run.mean.q.allFinite() && run.mean.u.allFinite()) << name << ", tick " << k;
-      deviations(run.filter, run.state, sigma_q, sigma_u, sigma_g);
-      ASSERT_FALSE(sigma_q.hasNaN() || sigma_u.hasNaN() || sigma_g.hasNaN()) << name;
-    }
-    EXPECT_EQ(run.state.inconsistencies, 0) << name;
   }
 }
 
@@ -362,71 +286,6 @@ TEST(EventFilter, ErrorDecaysAtResonance) {
     }
     EXPECT_LT(V, 1e-12) << "frequency " << frequency << ", seed " << seed;
   }
-}
-
-// sigma decreases, but not below the rounding error of event times. Hypotheses with a spacing far
-// above it once moved the mean by up to 46 sigma.
-TEST(EventFilter, SigmaIsNotBelowRounding) {
-  Scene rig = cached_scene("lab_rig.toml");
-  rig.prior.jitter = 1e-3;
-  struct Settling {
-    Scene scene;
-    double h, known, end;
-  };
-  for (const Settling& settling :
-       {Settling{shaken_mass(1.1), 0.1, 1200.0, 2000.0}, Settling{rig, 0.002, 20.0, 32.0}}) {
-    const Scene& scene = settling.scene;
-    const double h = settling.h;
-    for (std::uint64_t seed = 1; seed <= 6; ++seed) {
-      Pursuit run(scene, h);
-      std::mt19937_64 engine(seed);
-      std::normal_distribution<double> normal;
-      Eigen::VectorXd q(scene.model.coordinates()), u(q.size()), g(scene.model.contacts.size());
-      double farthest = 0.0, largest_V = 0.0;
-      while (static_cast<double>(run.k_) * h < settling.end) {
-        const double V = run.tick([&](std::vector<ContactEvent>& events) {
-          for (ContactEvent& event : events) event.t += scene.prior.jitter * normal(engine);
-        });
-        if (static_cast<double>(run.k_) * h < settling.known) continue;
-        largest_V = std::max(largest_V, V);
-        deviations(run.filter, run.state, q, u, g);
-        const Eigen::ArrayXd off_q = (run.mean.q - run.truth.q).array() / q.array();
-        const Eigen::ArrayXd off_u = (run.mean.u - run.truth.u).array() / u.array();
-        farthest = std::max({farthest, off_q.abs().maxCoeff(), off_u.abs().maxCoeff()});
-      }
-      std::cout << scene.name << ", seed " << seed << ": V up to " << largest_V << ", off by up to "
-                << farthest << " deviations\n";
-      EXPECT_LT(farthest, 3.0);
-    }
-  }
-}
-
-// A contact that stays closed for less than the jitter of its reports moves the estimate to the
-// support statically. A move in the metric of M would have multiplied the energy in the fastest
-// modes.
-TEST(EventFilter, ShortHoldsPutNoEnergyIntoFastModes) {
-  Scene scene = cached_scene("stiff_beam.toml");
-  scene.prior.jitter = 1e-2;  // 38 periods of the fastest mode over 2 pi
-  Pursuit run(scene, 0.1);
-  std::mt19937_64 engine(31);
-  std::normal_distribution<double> normal;
-  const double at_start = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
-                                                   scene.prior.start.q, scene.prior.start.u)[0];
-  double largest = 0.0;
-  int held = 0;
-  for (int k = 0; k < 600; ++k) {
-    const double V = run.tick([&](std::vector<ContactEvent>& events) {
-      for (ContactEvent& event : events) {
-        held += event.kind == ContactEventKind::closes;
-        event.t += scene.prior.jitter * normal(engine);
-      }
-    });
-    if (k >= 100) largest = std::max(largest, V);
-  }
-  std::cout << "largest V " << largest << " in the last 50 s, " << at_start << " at the start, "
-            << held << " holds\n";
-  EXPECT_GT(held, 10);
-  EXPECT_LT(largest, 0.2 * at_start);
 }
 
 // A ball whose impacts come ever faster, each reported late. Many of them may be unreported, and

@@ -1,3 +1,4 @@
+// Would catch a search for the latest fall below zero that returns another root or none.
 #include "sprag/detail/filter/fall.h"
 
 #include <gtest/gtest.h>

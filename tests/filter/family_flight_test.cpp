@@ -1,3 +1,5 @@
+// Would catch a flight of neighbouring machines that differs from exact flows, and wrong
+// derivatives by parameters.
 #include "sprag/detail/filter/family_flight.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch impacts that differ from the master's, are recorded twice, or have a wrong sigma.
 #include "sprag/detail/estimates/impact_record.h"
 
 #include <gtest/gtest.h>

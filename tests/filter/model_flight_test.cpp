@@ -1,3 +1,4 @@
+// Would catch a flight that overlooks a zero of a gap, or searches for one without end.
 #include "sprag/detail/filter/model_flight.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+// Would catch predictions that differ from the master's next events, or continue where the future
+// is ambiguous.
 #include <gtest/gtest.h>
 
 #include <cmath>

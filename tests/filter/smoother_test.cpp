@@ -1,3 +1,4 @@
+// Would catch a smoothed path less accurate than the filter, or with a wrong sigma.
 #include "sprag/smoother.h"
 
 #include <gtest/gtest.h>

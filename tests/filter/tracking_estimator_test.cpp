@@ -97,8 +97,7 @@ void print(const char* what, const Outcome& o) {
             << " inconsistencies\n";
 }
 
-// With exact events, and with the correct jitter, no inconsistency is reported, and the estimate is
-// the filter's.
+// With exact events no inconsistency is reported, and the estimate is the filter's.
 TEST(TrackingEstimator, UsesFilterOfCorrectModel) {
   for (const char* name :
        {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "two_stops_beam", "steel_ruler",
@@ -108,31 +107,6 @@ TEST(TrackingEstimator, UsesFilterOfCorrectModel) {
     print(name, o);
     EXPECT_EQ(o.inconsistencies, 0) << name;
     EXPECT_LE(o.log_both, -20.0) << name;
-  }
-  // With the longest jitter and shallow impacts in succession, the filter is occasionally
-  // overconfident: in one of 100 runs.
-  for (const double sigma : {1e-4, 1e-3, 5e-3}) {
-    std::mt19937_64 engine(11);
-    const Scene& scene = cached_scene("paper_beam.toml");
-    Scene given = scene;
-    given.prior.jitter = sigma;
-    std::int64_t inconsistencies = 0;
-    const int runs = repetitions(sigma > 1e-3 ? 100 : 20);
-    for (int run = 0; run < runs; ++run) {
-      const Outcome o =
-          outcome(scene, given, jittered(master_events(scene, length), sigma, engine));
-      inconsistencies += o.inconsistencies;
-      if (o.inconsistencies > 0) {
-        std::cout << sigma << ", run " << run << ": " << name(o.first.front().suspicion)
-                  << ", square " << o.first.front().square << " at t = " << o.first.front().t
-                  << '\n';
-      }
-      // After a false alarm the replica is shown.
-      if (o.inconsistencies == 0) {
-        EXPECT_LT(o.log_both, o.log_replica) << sigma;
-      }
-    }
-    EXPECT_LE(inconsistencies, sigma > 1e-3 ? runs / 100 : 0) << sigma;
   }
 }
 

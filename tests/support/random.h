@@ -19,6 +19,18 @@ class Random {
     return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
   }
 
+  /// In [0, 1).
+  double uniform() { return uniform(0.0, 1.0); }
+
+  /// With mean 1.
+  double exponential() { return -std::log1p(-uniform()); }
+
+  /// With mean 0 and variance 1.
+  double normal() {
+    const double radius = std::sqrt(2.0 * exponential());
+    return radius * std::cos(2.0 * std::numbers::pi * uniform());
+  }
+
   double log_uniform(double low, double high) {
     return std::exp(uniform(std::log(low), std::log(high)));
   }
