@@ -32,8 +32,7 @@ TEST_P(AnyOrderTest, RunSucceedsAndWritesRows) {
   EXPECT_LT(rows.back().v, 1e-2);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, AnyOrderTest,
-                         testing::Values("mlo", "mol", "lmo", "lom", "oml", "olm"),
+INSTANTIATE_TEST_SUITE_P(All, AnyOrderTest, testing::Values("mlo", "olm"),
                          [](const auto& order) { return std::string(order.param); });
 
 }  // namespace

@@ -31,35 +31,6 @@ class ContactClockTest : public EndToEnd {
   }
 };
 
-TEST_F(ContactClockTest, ReplayGivesTheEstimatesOfTheTrueTimes) {
-  for (const auto& [name, duration, tolerance] :
-       {std::tuple{"paper_beam", "40", 1e-9}, std::tuple{"lab_rig", "10", 1e-9},
-        std::tuple{"two_stops_beam", "5", 1e-8}}) {
-    const std::string clocked = with_clock(name);
-    const Arguments run_of{"--duration", duration, "--speed", "max", "--no-lcm"};
-    for (const auto& [of, events] : {std::pair{scene(name), "true.csv"}, {clocked, "clock.csv"}}) {
-      EXPECT_EQ(
-          run("master_sim", Arguments{of} + run_of + Arguments{"--events", file(events)}).code, 0);
-    }
-    EXPECT_NE(text("true.csv"), text("clock.csv"));
-    const Arguments more{"--tick", "0.015625", "--duration", duration};
-    const auto expected = read_states_file(replay(scene(name), file("true.csv"), more));
-    const std::string used = file("used.csv");
-    expect_near(
-        read_states_file(replay(clocked, file("clock.csv"), more + Arguments{"--events", used})),
-        expected, tolerance);
-    // The events that the replay writes are on the contact clock, as those that it has read.
-    expect_near(read_states_file(replay(clocked, used, more)), expected, tolerance);
-    // Without [clock] the estimate is another one.
-    const auto without = read_states_file(replay(scene(name), file("clock.csv"), more));
-    double off = 0.0;
-    for (std::size_t k = 0; k < std::min(without.size(), expected.size()); ++k) {
-      off = std::max(off, std::abs(without[k].values[0] - expected[k].values[0]));
-    }
-    EXPECT_GT(off, 1e-5) << name;
-  }
-}
-
 TEST_F(ContactClockTest, LiveObserverGivesTheEstimatesOfTheTrueTimes) {
   const std::string clocked = with_clock("paper_beam");
   const Arguments how{"--tick", "0.015625", "--duration", "30"};

@@ -108,32 +108,6 @@ TEST_F(DamagedInputTest, TruncatedLogIsReadUpToTheCut) {
   expect_used_up_to(offset, log.substr(0, offset + 100));
 }
 
-TEST_F(DamagedInputTest, LogCutWithinRecordHeaderIsReadUpToTheCut) {
-  const std::string log = record();
-  const std::vector<std::size_t> offsets = record_offsets(log);
-  ASSERT_GT(offsets.size(), 20U);
-  const std::size_t offset = offsets[offsets.size() / 2];
-  expect_used_up_to(offset, log.substr(0, offset + 1));
-}
-
-TEST_F(DamagedInputTest, CorruptSyncWordLosesOneMessage) {
-  std::string log = record();
-  const std::vector<std::size_t> offsets = record_offsets(log);
-  ASSERT_GT(offsets.size(), 20U);
-  const std::size_t i = offsets.size() / 2;
-  log.replace(offsets[i], 4, "\x01\x02\x03\x04");
-  expect_left_out(offsets[i], offsets[i + 1], log);
-}
-
-TEST_F(DamagedInputTest, ImpossibleLengthLosesOneMessage) {
-  std::string log = record();
-  const std::vector<std::size_t> offsets = record_offsets(log);
-  ASSERT_GT(offsets.size(), 20U);
-  const std::size_t i = offsets.size() / 2;
-  log.replace(offsets[i] + 24, 4, "\x7F\xFF\xFF\xFF");
-  expect_left_out(offsets[i], offsets[i + 1], log);
-}
-
 TEST_F(DamagedInputTest, StrayBytesLoseOnlyCoveredMessages) {
   std::string log = record();
   const std::vector<std::size_t> offsets = record_offsets(log);
@@ -141,62 +115,6 @@ TEST_F(DamagedInputTest, StrayBytesLoseOnlyCoveredMessages) {
   const std::size_t offset = offsets[offsets.size() / 2];
   log.insert(offset, std::string(1000, '\xED'));
   expect_left_out(offset, offset + 1000, log);
-}
-
-TEST_F(DamagedInputTest, DiagnosisUsesReadablePart) {
-  const std::string events = simulate(scene("paper_beam"), "60", "1");
-  std::vector<ContactEvent> impacts = read_events(events, 1).events;
-  for (ContactEvent& event : impacts) event.kind = ContactEventKind::pulse;
-  write_contact_log(file("whole.lcmlog"), impacts, 1, 0.0, std::nullopt);
-  ASSERT_EQ(run("diagnose", {file("whole.lcmlog"), scene("paper_beam")}).code, 0);
-  std::string log = text("whole.lcmlog");
-  const std::vector<std::size_t> offsets = record_offsets(log);
-  const std::size_t i = offsets.size() / 2;
-  log.replace(offsets[i], 1000, std::string(1000, '\xED'));
-  const Ended ended = run("diagnose", {write_text(file("damaged.lcmlog"), log), scene("paper_beam"),
-                                       "--report", file("report.json")});
-  EXPECT_EQ(ended.code, 1);
-  EXPECT_NE(ended.err.find(": bytes " + std::to_string(offsets[i]) + " to " +
-                           std::to_string(offsets[i + 1] - 1) + ": "),
-            std::string::npos)
-      << ended.err;
-  EXPECT_TRUE(json("report.json").value("fits", false));
-  EXPECT_GT(json("report.json").value("to", 0.0), 55.0);
-}
-
-TEST_F(DamagedInputTest, EmptyLogIsReported) {
-  const Ended ended = replay_file(write_text(file("empty.lcmlog"), ""));
-  EXPECT_EQ(ended.code, 0);
-  EXPECT_NE(ended.err.find(file("empty.lcmlog") + ": is empty\n"), std::string::npos) << ended.err;
-  const Ended diagnosis = run("diagnose", {file("empty.lcmlog"), scene("paper_beam")});
-  EXPECT_EQ(diagnosis.code, 1);
-  EXPECT_NE(diagnosis.err.find(": is empty\n"), std::string::npos) << diagnosis.err;
-}
-
-TEST_F(DamagedInputTest, MessageOfOtherTypeInLogIsCountedAndSkipped) {
-  std::string log = record();
-  const std::vector<std::size_t> offsets = record_offsets(log);
-  ASSERT_GT(offsets.size(), 20U);
-  ASSERT_EQ(replay_file(file("whole.lcmlog")).code, 0);
-  const std::string all = text("states.csv");
-  const std::size_t hash = offsets[offsets.size() / 2] + 28 + std::strlen("SPRAG_CONTACTS");
-  log[hash] = static_cast<char>(~log[hash]);
-  EXPECT_EQ(replay_file(write_text(file("other.lcmlog"), log)).code, 0);
-  EXPECT_EQ(json("report.json")["messages"].value("refused", 0), 1);
-  EXPECT_TRUE(text("states.csv") == all);
-}
-
-TEST_F(DamagedInputTest, TruncatedEventsAreReadUpToTheCut) {
-  const std::string whole = simulate(scene("paper_beam"), "20", "0.1");
-  ASSERT_EQ(replay_file(whole).code, 0);
-  const std::string all = text("states.csv");
-  const std::string rows = read_text(whole);
-  const std::size_t cut = rows.find('\n', rows.size() / 2);
-  const auto line = static_cast<std::size_t>(std::count(
-                        rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(cut), '\n')) +
-                    2;
-  const std::string damaged = write_text(file("damaged.csv"), rows.substr(0, cut + 5));
-  expect_damage_in_line(line, damaged, all);
 }
 
 TEST_F(DamagedInputTest, CorruptEventsAreReadUpToTheCorruptLine) {

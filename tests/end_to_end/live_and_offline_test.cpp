@@ -83,28 +83,6 @@ TEST_F(LiveAndOfflineTest, LiveErrorEnergyEqualsOfflineErrorEnergy) {
   }
 }
 
-TEST_F(LiveAndOfflineTest, SettledTicksOfTheReplicaEqualTheReplayBitForBit) {
-  expect_settled_ticks_as_in_replays("paper_beam", {"--estimator", "replica"});
-}
-
-TEST_F(LiveAndOfflineTest, SettledTicksOfTheReplicaEqualTheReplayBitForBitThroughChatter) {
-  expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "replica"});
-}
-
-TEST_F(LiveAndOfflineTest, SettledTicksOfTheTimingFilterEqualTheReplayBitForBit) {
-  expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "timing"});
-}
-
-// By default an observer runs both estimators, and publishes all their quantities.
-TEST_F(LiveAndOfflineTest, SettledTicksAndConfidenceEqualTheReplayBitForBit) {
-  expect_settled_ticks_as_in_replays("paper_beam", {});
-  const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
-  EXPECT_EQ(header,
-            "k,t,q1,q2,q3,u1,u2,u3,B,sigma_q1,sigma_q2,sigma_q3,sigma_u1,sigma_u2,sigma_u3,"
-            "sigma_g1,closing_t,closing_contact,replica_gap,filter_gap,sigma_filter_gap,"
-            "from_filter,inconsistencies,penetrating");
-}
-
 // The result of an identification takes effect at the same tick, however long the computation
 // takes.
 TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitForBit) {
@@ -138,8 +116,14 @@ TEST_F(LiveAndOfflineTest, SettledTicksOfTheAdaptiveObserverEqualTheReplayBitFor
   EXPECT_LT(read_sync(file("offline.csv")).back().v, 1e-20);
 }
 
-TEST_F(LiveAndOfflineTest, SettledTicksOfBothEqualTheReplayBitForBitThroughChatter) {
+// By default an observer runs both estimators, and publishes all their quantities.
+TEST_F(LiveAndOfflineTest, SettledTicksEqualTheReplayBitForBitThroughChatter) {
   expect_settled_ticks_as_in_replays("paper_beam_chatter", {});
+  const std::string header = text("live.csv").substr(0, text("live.csv").find('\n'));
+  EXPECT_EQ(header,
+            "k,t,q1,q2,q3,u1,u2,u3,B,sigma_q1,sigma_q2,sigma_q3,sigma_u1,sigma_u2,sigma_u3,"
+            "sigma_g1,closing_t,closing_contact,replica_gap,filter_gap,sigma_filter_gap,"
+            "from_filter,inconsistencies,penetrating");
 }
 
 // The bound under tolerances is computed with the settled ticks. Estimates of the present that are
@@ -148,38 +132,21 @@ TEST_F(LiveAndOfflineTest, BoundUnderTolerancesEqualsTheReplayBitForBitThroughCh
   const std::string machine =
       write_text(file("tolerant.toml"),
                  read_text(scene("paper_beam_chatter")) + "\n[tolerance]\ntime = 1e-6\n");
-  for (const char* estimator : {"replica", "both"}) {
-    expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", estimator}, machine);
-    const std::vector<double> B = read_column(file("live.csv"), "B");
-    EXPECT_EQ(std::ranges::count_if(B, [](double b) { return std::isinf(b); }), 1) << estimator;
-  }
+  expect_settled_ticks_as_in_replays("paper_beam_chatter", {"--estimator", "replica"}, machine);
+  const std::vector<double> B = read_column(file("live.csv"), "B");
+  EXPECT_EQ(std::ranges::count_if(B, [](double b) { return std::isinf(b); }), 1);
 }
 
 // The same for the table of impacts; every row is also on the bus.
 TEST_F(LiveAndOfflineTest, SettledImpactsEqualTheReplayBitForBit) {
-  std::string wrong = read_text(scene("paper_beam"));
-  const std::string damping = "damping = 0.17";
-  wrong.replace(wrong.find(damping), damping.size(), "damping = 0.18");
-  write_text(file("wrong.toml"), wrong);
   const std::string chatter = scene("paper_beam_chatter");
-  for (const auto& [estimator, observer_scene] :
-       std::map<std::string, std::string>{{"replica", chatter},
-                                          {"timing", chatter},
-                                          {"both", chatter},
-                                          {"adaptive", file("wrong.toml")}}) {
-    SCOPED_TRACE(estimator);
-    set_url(udp_url());
-    const std::string machine = estimator == "adaptive" ? scene("paper_beam") : chatter;
-    const Arguments how{"--estimator", estimator, "--impacts"};
-    run_live(machine, "30", "0.015625", how + Arguments{file("live_impacts.csv")}, {},
-             observer_scene);
-    const Arguments more = Arguments{"--tick", "0.015625", "--duration", "30"} + how;
-    replay(observer_scene, file("events.csv"), more + Arguments{file("impacts.csv")});
-    const std::string live = text("live_impacts.csv");
-    EXPECT_GT(count_rows(file("live_impacts.csv")), 30U);
-    EXPECT_TRUE(live == text("impacts.csv")) << "live differs from the replay of the events";
-    EXPECT_NE(text("run.lcmlog").find("SPRAG_IMPACTS"), std::string::npos);
-  }
+  run_live(chatter, "30", "0.015625", {"--impacts", file("live_impacts.csv")});
+  replay(chatter, file("events.csv"),
+         {"--tick", "0.015625", "--duration", "30", "--impacts", file("impacts.csv")});
+  EXPECT_GT(count_rows(file("live_impacts.csv")), 30U);
+  EXPECT_TRUE(text("live_impacts.csv") == text("impacts.csv"))
+      << "live differs from the replay of the events";
+  EXPECT_NE(text("run.lcmlog").find("SPRAG_IMPACTS"), std::string::npos);
 }
 
 /// Columns of a CSV by their names.
@@ -214,46 +181,42 @@ position = 1.0
 quantity = "velocity"
 )";
   write_text(file("named.toml"), read_text(scene("paper_beam")) + outputs);
-  for (const char* estimator : {"replica", "timing", "both", "adaptive"}) {
-    SCOPED_TRACE(estimator);
-    set_url(udp_url());
-    run_live(file("named.toml"), "20", "0.015625", {"--estimator", estimator});
-    const auto states = columns_of(text("live.csv"));
-    ASSERT_EQ(states.at("k").size(), 1281U);
-    ChannelLogReader log(file("run.lcmlog"));
-    ChannelRecord record;
-    std::set<std::int64_t> settled;
-    std::size_t provisional = 0, known = 0;
-    while (log.next(record)) {
-      if (record.channel != "SPRAG_OUTPUTS") continue;
-      outputs_t message;
-      ASSERT_EQ(message.decode(record.data.data(), 0, static_cast<int>(record.data.size())),
-                static_cast<int>(record.data.size()));
-      EXPECT_EQ(message.name, (std::vector<std::string>{"middle", "tip_speed"}));
-      if (message.settled == 0) {
-        ++provisional;
-        continue;
-      }
-      const auto row = static_cast<std::size_t>(message.tick);
-      ASSERT_LT(row, states.at("k").size());
-      settled.insert(message.tick);
-      EXPECT_EQ(message.t, states.at("t")[row]);
-      for (std::size_t i = 0; i < 2; ++i) {
-        EXPECT_EQ(message.value.at(i), states.at(message.name[i])[row]) << message.tick;
-        const double sigma = states.at("sigma_" + message.name[i])[row];
-        EXPECT_EQ(message.sigma.at(i), sigma) << message.tick;
-        known += std::isfinite(sigma) ? 1 : 0;
-      }
-      if (states.contains("from_filter")) {
-        EXPECT_EQ(message.from_filter, states.at("from_filter")[row]) << message.tick;
-      }
+  run_live(file("named.toml"), "20", "0.015625", {});
+  const auto states = columns_of(text("live.csv"));
+  ASSERT_EQ(states.at("k").size(), 1281U);
+  ChannelLogReader log(file("run.lcmlog"));
+  ChannelRecord record;
+  std::set<std::int64_t> settled;
+  std::size_t provisional = 0, known = 0;
+  while (log.next(record)) {
+    if (record.channel != "SPRAG_OUTPUTS") continue;
+    outputs_t message;
+    ASSERT_EQ(message.decode(record.data.data(), 0, static_cast<int>(record.data.size())),
+              static_cast<int>(record.data.size()));
+    EXPECT_EQ(message.name, (std::vector<std::string>{"middle", "tip_speed"}));
+    if (message.settled == 0) {
+      ++provisional;
+      continue;
     }
-    EXPECT_GE(settled.size(), 1217U);  // UDP may lose some
-    EXPECT_GT(provisional, 0U);
-    EXPECT_EQ(known > 0, estimator != std::string("replica"));
-    std::cout << estimator << ": " << settled.size() << " settled ticks of 1281, " << provisional
-              << " provisional messages, " << known << " finite sigmas\n";
+    const auto row = static_cast<std::size_t>(message.tick);
+    ASSERT_LT(row, states.at("k").size());
+    settled.insert(message.tick);
+    EXPECT_EQ(message.t, states.at("t")[row]);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_EQ(message.value.at(i), states.at(message.name[i])[row]) << message.tick;
+      const double sigma = states.at("sigma_" + message.name[i])[row];
+      EXPECT_EQ(message.sigma.at(i), sigma) << message.tick;
+      known += std::isfinite(sigma) ? 1 : 0;
+    }
+    if (states.contains("from_filter")) {
+      EXPECT_EQ(message.from_filter, states.at("from_filter")[row]) << message.tick;
+    }
   }
+  EXPECT_GE(settled.size(), 1217U);  // UDP may lose some
+  EXPECT_GT(provisional, 0U);
+  EXPECT_GT(known, 0U);
+  std::cout << settled.size() << " settled ticks of 1281, " << provisional
+            << " provisional messages, " << known << " finite sigmas\n";
 }
 
 // A live observer may predict once for several settled events.
@@ -325,13 +288,6 @@ TEST_F(LiveAndOfflineTest, TickAtDurationIsIncludedForAnyTickLength) {
     const std::string estimate =
         replay(scene("paper_beam"), file("events.csv"), {"--tick", tick, "--duration", "40"});
     EXPECT_EQ(read_states_file(estimate).size(), rows) << tick;
-  }
-}
-
-TEST_F(LiveAndOfflineTest, LoggerEndsWithTheRunForAnyTickLength) {
-  for (const char* tick : {"0.1", "0.02"}) {
-    set_url(udp_url());
-    run_live(scene("paper_beam"), "20", tick, {});
   }
 }
 

@@ -151,10 +151,8 @@ TEST_F(LiveTroubleTest, WrongKeyAndWrongClockAreReported) {
   EXPECT_EQ(json("o.json")["sessions"], 0);
 }
 
-class ClockTest : public LiveTroubleTest, public testing::WithParamInterface<double> {};
-
-TEST_P(ClockTest, MachineClockMayStartAtAnyTime) {
-  const double start = GetParam();
+TEST_F(LiveTroubleTest, MachineClockMayStartAtAnyTime) {
+  constexpr double start = 1.7e9;
   start_recorder();
   Process& observer = start_observer(scene("paper_beam"));
   PlayedMaster master(url(), 1, 1.0, start);
@@ -174,11 +172,6 @@ TEST_P(ClockTest, MachineClockMayStartAtAnyTime) {
   EXPECT_GT(report["ticks_with_deadline"], 1500);
   expect_live_as_replay(scene("paper_beam"));
 }
-
-INSTANTIATE_TEST_SUITE_P(Starts, ClockTest, testing::Values(1e5, 1e7, 1.7e9),
-                         [](const auto& start) {
-                           return "At" + std::to_string(static_cast<std::int64_t>(start.param));
-                         });
 
 class ClockStepTest : public LiveTroubleTest, public testing::WithParamInterface<double> {};
 
@@ -203,11 +196,10 @@ TEST_P(ClockStepTest, IsFollowedWithinOneSecondAndReported) {
   expect_live_as_replay(scene("paper_beam"), {"--tick", "0.01"});
 }
 
-INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(15.0, -15.0, -3.0, 1e6),
-                         [](const auto& step) {
-                           return std::string(step.param < 0.0 ? "Back" : "Ahead") +
-                                  std::to_string(std::abs(static_cast<int>(step.param)));
-                         });
+INSTANTIATE_TEST_SUITE_P(Steps, ClockStepTest, testing::Values(-3.0, 1e6), [](const auto& step) {
+  return std::string(step.param < 0.0 ? "Back" : "Ahead") +
+         std::to_string(std::abs(static_cast<int>(step.param)));
+});
 
 // The messages after an invalid one are received as if there had been none.
 TEST_F(LiveTroubleTest, ImplausibleMessagesDoNotAffectLaterOnes) {

@@ -12,15 +12,6 @@
 namespace sprag::test {
 namespace {
 
-struct Network {
-  const char* name;
-  const char* scene;
-  Arguments plan;
-  std::int64_t least_lost, least_doubled, least_reordered, least_repaired;
-};
-
-void PrintTo(const Network& network, std::ostream* out) { *out << network.name; }
-
 /// Master and observer on two ports with a relay between them; files live.csv, events.csv,
 /// truth.csv, o.json.
 class RelayedTest : public EndToEnd {
@@ -60,78 +51,24 @@ class RelayedTest : public EndToEnd {
   }
 };
 
-class NetworkTest : public RelayedTest, public testing::WithParamInterface<Network> {};
-
-TEST_P(NetworkTest, SettledTicksEqualReplayWithoutLoss) {
-  const Network& network = GetParam();
-  const std::string machine = scene(network.scene);
-  run_through(network.plan, {machine, "--duration", "60", "--tick", "0.015625"}, {},
-              {"--speed", "15"});
+TEST_F(RelayedTest, SettledTicksEqualReplayWithoutLoss) {
+  const std::string machine = scene("paper_beam_chatter");
+  run_through({"--seed", "10", "--loss", "0.3", "--double", "0.2", "--reorder", "0.25", "--delay",
+               "100", "--outages", "1"},
+              {machine, "--duration", "60", "--tick", "0.015625"}, {}, {"--speed", "15"});
   const std::string offline =
       replay(machine, file("events.csv"), {"--tick", "0.015625", "--duration", "60"});
   EXPECT_TRUE(text("live.csv") == read_text(offline)) << "live differs from the replay";
   EXPECT_EQ(count_rows(file("live.csv")), 3841U);
   const nlohmann::json report = json("o.json");
-  EXPECT_GE(report["messages"]["lost"], network.least_lost);
-  EXPECT_GE(report["messages"]["doubled"], network.least_doubled);
-  EXPECT_GE(report["messages"]["reordered"], network.least_reordered);
-  EXPECT_GE(report["messages"]["repaired_events"], network.least_repaired);
+  EXPECT_GE(report["messages"]["lost"], 100);
+  EXPECT_GE(report["messages"]["doubled"], 20);
+  EXPECT_GE(report["messages"]["reordered"], 30);
+  EXPECT_GE(report["messages"]["repaired_events"], 10);
   EXPECT_EQ(report["lost_records"], 0);
   EXPECT_EQ(report["unsettled_ticks"], 0);
   EXPECT_EQ(report["degraded"].size(), 0U);
 }
-
-INSTANTIATE_TEST_SUITE_P(
-    Plans, NetworkTest,
-    testing::Values(
-        Network{"no_loss", "paper_beam", {"--seed", "1"}, 0, 0, 0, 0},
-        Network{"loss_1_percent", "paper_beam", {"--seed", "2", "--loss", "0.01"}, 0, 0, 0, 0},
-        Network{
-            "loss_10_percent", "paper_beam_chatter", {"--seed", "3", "--loss", "0.1"}, 20, 0, 0, 1},
-        Network{"loss_30_percent",
-                "paper_beam_chatter",
-                {"--seed", "4", "--loss", "0.3"},
-                80,
-                0,
-                0,
-                10},
-        Network{"loss_60_percent", "paper_beam", {"--seed", "5", "--loss", "0.6"}, 150, 0, 0, 10},
-        Network{"outages", "paper_beam", {"--seed", "6", "--outages", "2"}, 60, 0, 0, 5},
-        Network{
-            "reordered", "paper_beam_chatter", {"--seed", "7", "--reorder", "0.25"}, 0, 0, 30, 0},
-        Network{"delayed", "paper_beam", {"--seed", "8", "--delay", "200"}, 0, 0, 100, 0},
-        Network{"doubled", "paper_beam_chatter", {"--seed", "9", "--double", "0.2"}, 0, 50, 0, 0},
-        Network{"everything",
-                "paper_beam_chatter",
-                {"--seed", "10", "--loss", "0.3", "--double", "0.2", "--reorder", "0.25", "--delay",
-                 "100", "--outages", "1"},
-                100,
-                20,
-                30,
-                10}),
-    [](const auto& plan) { return std::string(plan.param.name); });
-
-class TimingTest : public RelayedTest, public testing::WithParamInterface<const char*> {};
-
-// Six impacts for six unknowns: the sixth is at t = 3.63.
-TEST_P(TimingTest, ConvergesAfterSixImpactsWithTenPercentLost) {
-  const std::string machine = scene("paper_beam");
-  run_through({"--loss", "0.1"}, {machine, "--duration", "20", "--tick", "0.015625"},
-              {"--estimator", GetParam()}, {"--speed", "10"});
-  const nlohmann::json report = json("o.json");
-  EXPECT_GT(report["messages"]["lost"], 0);
-  EXPECT_LT(report["confidence"]["sigma_q"][0], 1e-13);
-  for (const SyncLine& row : error_energy(machine)) {
-    if (row.t < 3.4) {
-      EXPECT_GT(row.v, 1e-3) << row.t;
-    } else if (row.t > 3.63) {
-      EXPECT_LT(row.v, 1e-15) << row.t;
-    }
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(Estimators, TimingTest, testing::Values("timing", "both"),
-                         [](const auto& estimator) { return std::string(estimator.param); });
 
 class BlackoutTest : public RelayedTest {};
 
@@ -158,35 +95,6 @@ TEST_F(BlackoutTest, IsReportedAndObserverConvergesAgain) {
             << ", at the end " << rows.back().v << '\n';
   EXPECT_GT(rows[after].v, 1e-6);
   EXPECT_LT(rows.back().v, 1e-2 * rows[after].v);
-}
-
-// The same outage under tolerances: B stays finite and above V, and falls again.
-TEST_F(BlackoutTest, BoundUnderTolerancesIsFiniteInAndAfterTheGap) {
-  const std::string machine =
-      write_text(file("tolerant.toml"),
-                 read_text(scene("paper_beam_chatter")) + "\n[tolerance]\ntime = 1e-6\n");
-  run_through({"--outages", "1", "--every", "1.5", "--outage", "1.2"},
-              {machine, "--duration", "180", "--tick", "0.015625"}, {"--estimator", "replica"},
-              {"--speed", "40"});
-  const nlohmann::json report = json("o.json");
-  ASSERT_EQ(report["degraded"].size(), 1U);
-  const double from = report["degraded"][0]["from"];
-  const double to = report["degraded"][0]["to"];
-  const std::vector<SyncLine> rows = error_energy(machine);
-  const std::vector<double> B = read_column(file("live.csv"), "B");
-  ASSERT_EQ(rows.size(), B.size());
-  double before = 0.0, restart = 0.0;
-  for (std::size_t k = 0; k + 1 < B.size(); ++k) {
-    ASSERT_TRUE(std::isfinite(B[k])) << rows[k].t;
-    ASSERT_LE(rows[k].v, B[k]) << rows[k].t;
-    if (rows[k].t < from) before = B[k];
-    if (rows[k].t <= to) restart = B[k];
-  }
-  const double last = B[B.size() - 2];
-  std::cout << "B " << before << " before the gap from " << from << " to " << to << ", " << restart
-            << " at its end, " << last << " at the end\n";
-  EXPECT_GT(restart, 100.0 * before);
-  EXPECT_LT(last, restart);
 }
 
 /// Two hosts joined by a cable; the destructor removes them.

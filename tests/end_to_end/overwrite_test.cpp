@@ -109,23 +109,6 @@ TEST_F(OverwriteTest, ToolsDoNotOverwriteInputs) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-TEST_F(OverwriteTest, LinksAreResolved) {
-  std::filesystem::create_symlink(events_, file("soft.csv"));
-  std::filesystem::create_hard_link(events_, file("hard.csv"));
-  std::filesystem::create_symlink("new.csv", file("dangling.csv"));
-  for (const char* link : {"soft.csv", "hard.csv"}) {
-    expect_refused("observer", {beam_, "--replay", events_, "--events", file(link)}, "--replay",
-                   "--events");
-    expect_refused("observer", {beam_, "--replay", file(link), "--states", events_}, "--replay",
-                   "--states");
-  }
-  expect_refused(
-      "observer",
-      {beam_, "--replay", events_, "--events", file("dangling.csv"), "--states", file("new.csv")},
-      "--events", "--states");
-  EXPECT_FALSE(std::filesystem::exists(file("new.csv")));
-}
-
 // Matrix and vector files named in a scene are inputs, too.
 TEST_F(OverwriteTest, FilesNamedInSceneAreInputs) {
   const std::string mass = "2,0\n0,1\n", start = "0.5\n0\n";

@@ -37,27 +37,6 @@ class RestartTest : public EndToEnd {
   const Arguments common_{scene("paper_beam_chatter"), "--duration", "80"};
 };
 
-TEST_F(RestartTest, ChatterExceedsRecordsOfOneMessage) {
-  simulate(scene("paper_beam_chatter"), "25", "0.1");
-  EXPECT_GT(count_rows(file("events.csv")), 2 * 121U);  // a pulse is one record and two rows
-}
-
-TEST_F(RestartTest, ObserverThatJoinsLateConverges) {
-  Process& logger = start_logger();
-  Process& master = start_master(master_arguments());
-  wait_for_time(master, 25.0);
-  Process& observer = start_listening("observer", observer_arguments("states.csv"));
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(observer).code, 0);
-  EXPECT_EQ(end_of(logger).code, 0);
-
-  const std::vector<StateLine> states = read_states_file(file("states.csv"));
-  ASSERT_FALSE(states.empty());
-  EXPECT_GE(states.front().k, 1600);
-  EXPECT_EQ(states.back().k, 5120);
-  expect_convergence_from(states.front().k, 1e-2);
-}
-
 // B is finite from the observer's first tick on, up to the last `time` of the run.
 TEST_F(RestartTest, ObserverThatJoinsLateHasABoundUnderTolerances) {
   const std::string machine =
@@ -100,29 +79,6 @@ TEST_F(RestartTest, LateObserverStartsAtZeroIfMessageHasEveryRecord) {
   const std::string offline =
       replay(scene("paper_beam"), file("events.csv"), {"--tick", "0.015625", "--duration", "50"});
   EXPECT_TRUE(text("states.csv") == read_text(offline)) << "live differs from the replay";
-}
-
-TEST_F(RestartTest, RestartedObserverConvergesWithoutAffectingOthers) {
-  Process& logger = start_logger();
-  Process& first = start_listening("observer", observer_arguments("first.csv"));
-  Process& master = start_master(master_arguments());
-  wait_for_time(master, 25.0);
-  first.kill();
-  Process& second = start_listening("observer", observer_arguments("second.csv"));
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(second).code, 0);
-  EXPECT_EQ(end_of(logger).code, 0);
-
-  const std::vector<StateLine> states = read_states_file(file("second.csv"));
-  ASSERT_FALSE(states.empty());
-  EXPECT_GE(states.front().k, 1600);
-  expect_convergence_from(states.front().k, 1e-2);
-  EXPECT_GT(count_rows(file("events.csv")), 300U);
-  const std::vector<SyncLine> rows = read_sync(file("sync.csv"));
-  ASSERT_FALSE(rows.empty());
-  EXPECT_LT(rows.front().t, 5.0);
-  EXPECT_TRUE(std::ranges::is_sorted(rows, {}, &SyncLine::k));
-  EXPECT_EQ(json("sync.json").value("sessions", 0), 1);
 }
 
 TEST_F(RestartTest, ObserverFollowsAMasterThatIsRestarted) {

@@ -156,33 +156,6 @@ TEST_F(StrangerTest, MalformedPacketsAndImpossibleMessagesAreCountedByCause) {
   EXPECT_EQ(json("sync.json")["refused"]["wrong_type"], 20);
 }
 
-TEST_F(StrangerTest, HundredThousandRandomPacketsHaveNoEffect) {
-  start_programs("60", "15");
-  wait_for_time(*master_, 10.0);
-  const std::uint64_t seed = 5;
-  SCOPED_TRACE("seed " + std::to_string(seed));
-  Random random(seed);
-  const auto good = encoded(good_message(99));
-  for (int i = 0; i < 100000; ++i) {
-    std::string bytes(static_cast<std::size_t>(random.integer(0, 80)), '\0');
-    for (char& c : bytes) c = static_cast<char>(random.integer(0, 255));
-    if (random.chance(0.5)) bytes = "LC0"s + (random.chance(0.7) ? '2' : '3') + bytes;
-    if (random.chance(0.3)) {  // a message with some bytes changed
-      bytes = "LC02\0\0\0\0SPRAG_CONTACTS\0"s + std::string(good.begin(), good.end());
-      for (int k = random.integer(1, 4); k > 0; --k) {
-        bytes[static_cast<std::size_t>(random.integer(0, static_cast<int>(bytes.size()) - 1))] =
-            static_cast<char>(random.integer(0, 255));
-      }
-    }
-    stranger_.send(bytes);
-  }
-  expect_unharmed();
-  const nlohmann::json refused = json("o.json")["messages"]["refused"];
-  for (const char* cause : {"foreign", "fragment", "no_channel", "wrong_type"}) {
-    EXPECT_GT(refused.value(cause, 0), 100) << cause;
-  }
-}
-
 TEST_F(StrangerTest, FloodOfFiftyThousandPacketsPerSecondHasNoEffect) {
   start_programs("90", "15");
   // The observer follows the first session that it receives.
@@ -252,53 +225,6 @@ TEST_F(KeyTest, WithKeyForeignAndRecordedMessagesAreRefused) {
   EXPECT_GT(json("sync.json")["refused"]["unauthenticated"], 50);
 }
 
-TEST_F(KeyTest, LoggerRefusesRecordingOfItsOwnMaster) {
-  const Arguments key{"--key", key_file("key", 'a')};
-  const Arguments common = Arguments{scene("paper_beam"), "--tick", "0.015625"} + key;
-  Process& recorder =
-      start_listening("sync_logger", Arguments{scene("paper_beam"), "--csv", file("first.csv"),
-                                               "--record", file("run.lcmlog"), "--duration", "20"} +
-                                         key);
-  Process& observer = start_listening("observer", common + Arguments{"--duration", "20"});
-  Process& master = start_master(common + Arguments{"--duration", "20", "--speed", "20"});
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(observer).code, 0);
-  EXPECT_EQ(end_of(recorder).code, 0);
-  EXPECT_GT(read_sync(file("first.csv")).size(), 1000U);
-
-  // The recording with time stamps of a minute ago.
-  const Key secret{std::filesystem::path(file("key"))};
-  ChannelLogReader reader(file("run.lcmlog"));
-  ChannelLogWriter writer(file("old.lcmlog"));
-  ChannelRecord record;
-  state_t state{};
-  std::vector<std::uint8_t> message;
-  while (reader.next(record)) {
-    if (record.channel == truth_channel) {
-      const auto without_tag = std::span(record.data).first(record.data.size() - Key::tag_size);
-      ASSERT_EQ(decode(without_tag, state), Refusal::none);
-      state.utime -= 60'000'000;
-      const auto encoded = encode(state, message);
-      const Key::Tag tag = secret.tag(record.channel, encoded);
-      record.data.assign(encoded.begin(), encoded.end());
-      record.data.insert(record.data.end(), tag.begin(), tag.end());
-    }
-    writer.write(record.utime, record.channel, record.data);
-  }
-  ASSERT_TRUE(writer.close());
-  Process& logger = start_listening(
-      "sync_logger",
-      Arguments{scene("paper_beam"), "--csv", file("again.csv"), "--report", file("again.json")} +
-          key);
-  end_of(start_command({LCM_LOGPLAYER, "--lcm-url=" + url(), file("old.lcmlog")}));
-  logger.signal(SIGTERM);
-  const Ended ended = end_of(logger);
-  EXPECT_EQ(ended.code, 0);
-  EXPECT_TRUE(read_sync(file("again.csv")).empty());
-  EXPECT_GT(json("again.json").value("stale", 0), 1000);
-  EXPECT_NE(ended.err.find("recordings"), std::string::npos) << ended.err;
-}
-
 TEST_F(KeyTest, RecordingIsReplayedOnlyWithItsKey) {
   const Arguments key{"--key", key_file("key", 'a')};
   const Arguments common{scene("paper_beam"), "--duration", "30"};
@@ -319,17 +245,6 @@ TEST_F(KeyTest, RecordingIsReplayedOnlyWithItsKey) {
   EXPECT_EQ(count_rows(replay(scene("paper_beam"), file("run.lcmlog"),
                               more + Arguments{"--key", key_file("no", 'b')})),
             0U);
-}
-
-TEST_F(KeyTest, ABadKeyFileIsBadInput) {
-  std::ofstream(file("bad")) << "secret\n";
-  for (const char* program : {"master_sim", "observer", "sync_logger"}) {
-    for (const std::string& key : {file("bad"), file("absent")}) {
-      const Ended ended = run(program, {scene("paper_beam"), "--key", key});
-      EXPECT_EQ(ended.code, 2) << program;
-      EXPECT_NE(ended.err.find(key + ": "), std::string::npos) << ended.err;
-    }
-  }
 }
 
 }  // namespace
