@@ -1,3 +1,5 @@
+// Would catch a history that loses, repeats or reorders records, reads a report wrongly after a
+// gap, or admits an event before a time that it has declared complete.
 #include "sprag/detail/events/event_history.h"
 
 #include <gtest/gtest.h>

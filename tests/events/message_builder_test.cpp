@@ -1,3 +1,5 @@
+// Would catch reports that omit or renumber a record, or whose horizon and chi contradict their
+// records.
 #include "sprag/detail/events/message_builder.h"
 
 #include <gtest/gtest.h>

@@ -3,12 +3,10 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "sprag/detail/files/scene_writer.h"
-#include "sprag/observer.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 #include "sprag/simulate.h"
@@ -186,52 +184,6 @@ TEST(KeptModes, DeviationsOfTheStart) {
                               "sigma_q = [1, 2]\nsigma_u = 1.0"))
                 .find("replica.sigma_q has 2 numbers; must be one or 3"),
             std::string::npos);
-}
-
-// The error against the whole machine falls with the number of modes, up to the first impact and
-// in the mean over bounces.
-TEST(KeptModes, ErrorFallsWithTheNumberOfModes) {
-  for (const int N : sizes()) {
-    const Bar bar(N);
-    const Scene whole = bar.scene("");
-    const double duration = N == 20 ? 6.0 : 2.1;
-    const Simulation truth = run(whole, duration, 0.01);
-    const Eigen::VectorXd tip = tips(whole, truth);
-    double before = 1e300;
-    for (const int n : {1, 2, 4, 8, 16}) {
-      const Scene part = bar.scene("modes = " + std::to_string(n));
-      const Eigen::VectorXd of_part = tips(part, run(part, duration, 0.01));
-      const double error =
-          std::sqrt((of_part - tip).squaredNorm() / static_cast<double>(tip.size()));
-      std::printf("N = %d, n = %d: rms of the tip's error %.3g\n", N, n, error);
-      EXPECT_LT(error, before) << n;
-      before = error;
-    }
-    EXPECT_LT(before, 5e-3);
-  }
-}
-
-TEST(KeptModes, ObserverConvergesOnTheReducedMachinesEvents) {
-  for (const int N : {20, 200}) {
-    const Bar bar(N);
-    for (const char* keys : {"modes = 3", "modes = 2\nstatic_vectors = [0]"}) {
-      const Scene scene = bar.scene(keys);
-      constexpr double duration = 60.0;
-      const Simulation machine = run(scene, duration);
-      for (const EstimatorKind kind : {EstimatorKind::replica, EstimatorKind::both}) {
-        const Estimates estimates =
-            observe(scene, machine.events, duration, {.tick = 0.05, .estimator = kind});
-        const auto error = [&](Eigen::Index k) {
-          return (scene.kept->Phi * (estimates.q.row(k) - machine.q.row(k)).transpose())
-              .cwiseAbs()
-              .maxCoeff();
-        };
-        EXPECT_GT(error(0), 1e-2);
-        const double limit = kind == EstimatorKind::both ? 1e-7 : 1e-3;
-        EXPECT_LT(error(estimates.q.rows() - 1), limit) << N << ' ' << keys;
-      }
-    }
-  }
 }
 
 TEST(KeptModes, FreeMachineKeepsItsRigidMotion) {

@@ -1,3 +1,4 @@
+// Would catch an invalid scene that is accepted, and a message without the place or the remedy.
 #include <gtest/gtest.h>
 
 #include <string>

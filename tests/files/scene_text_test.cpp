@@ -1,3 +1,5 @@
+// Would catch a change of numbers in a scene's text that also changes comments, order or other
+// tables.
 #include "sprag/detail/files/scene_text.h"
 
 #include <gtest/gtest.h>

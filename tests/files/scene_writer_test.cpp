@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <filesystem>
 
-#include "sprag/detail/replica/replica.h"
 #include "sprag/scene_file.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
@@ -243,35 +242,6 @@ TEST(SceneWriter, RandomMachinesRoundTripBitForBit) {
     const Scene again = written_and_read(scene);
     ASSERT_EQ(bits_of(again), bits_of(scene)) << i;
     EXPECT_EQ(again.name, scene.name);
-  }
-}
-
-// The replica of the parsed scene gives the same states, bit for bit.
-TEST(SceneWriter, ReplicaOfWrittenSceneIsTheSame) {
-  for (const char* name : {"paper_beam_chatter", "two_stops_beam", "non_proportional"}) {
-    Scene scene = test::shipped_scene(name);
-    scene.model.contacts[0].replica_restitution = -0.125;
-    const Scene again = written_and_read(scene);
-    const std::vector<ContactEvent> events = test::events_of(scene, 5.0);
-    ASSERT_EQ(test::events_of(again, 5.0), events);
-    Bits runs[2];
-    for (int i : {0, 1}) {
-      const Scene& of = i == 0 ? scene : again;
-      Replica replica(of, 0.01);
-      Replica::State state;
-      replica.start(of.prior.start, 0, 0, state);
-      Eigen::VectorXd q(of.model.coordinates()), u(of.model.coordinates());
-      auto next = events.begin();
-      for (int k = 1; k <= 500; ++k) {
-        const auto since = next;
-        while (next != events.end() && next->t <= tick_instant(k, 0.01).hi) ++next;
-        replica.tick({since, next}, state);
-        replica.output(state, q, u);
-        add(runs[i], q);
-        add(runs[i], u);
-      }
-    }
-    EXPECT_EQ(runs[0], runs[1]) << name;
   }
 }
 

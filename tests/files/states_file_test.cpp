@@ -1,3 +1,5 @@
+// Would catch a states file that does not round-trip bit for bit, and damage that is not reported
+// at its line.
 #include "sprag/detail/files/states_file.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,5 @@
+// Would catch a log that liblcm reads differently, and damage that loses more records than it
+// covers.
 #include "lcmtypes/channel_log.h"
 
 #include <gtest/gtest.h>

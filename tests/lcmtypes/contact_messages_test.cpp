@@ -1,3 +1,4 @@
+// Would catch a conversion that changes content, or half applies a refused message.
 #include "lcmtypes/contact_messages.h"
 
 #include <gtest/gtest.h>

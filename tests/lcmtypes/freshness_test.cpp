@@ -1,3 +1,5 @@
+// Would catch a replayed message that is accepted, and a clock set wrongly for once that blocks all
+// later messages.
 #include "lcmtypes/freshness.h"
 
 #include <gtest/gtest.h>

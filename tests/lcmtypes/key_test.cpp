@@ -1,3 +1,4 @@
+// Would catch a changed message that keeps a valid tag, and a key file that is read wrongly.
 #include "lcmtypes/key.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch a URL that Sprag reads differently from liblcm.
 #include "lcmtypes/lcm_url.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch a type that does not round-trip, changed its hash, or passes with impossible content.
 #include "lcmtypes/messages.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch an output that overwrites another file of the command through an alias.
 #include "command_line/named_files.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch a command line or exception with a wrong exit code, and a report without its error.
 #include "command_line/program.h"
 
 #include <gtest/gtest.h>

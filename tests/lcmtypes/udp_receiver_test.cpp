@@ -1,3 +1,4 @@
+// Would catch a packet read beyond its bounds or accepted in part.
 #include "lcmtypes/udp_receiver.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// Would catch a clock jump that is followed at once or never.
 #include <gtest/gtest.h>
 
 #include <cmath>

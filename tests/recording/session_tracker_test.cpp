@@ -1,3 +1,5 @@
+// Would catch losses that are miscounted, a second master that takes over a run, and a restarted
+// one that is not followed.
 #include "recording/session_tracker.h"
 
 #include <gtest/gtest.h>

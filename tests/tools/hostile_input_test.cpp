@@ -15,12 +15,6 @@ std::string shipped(const std::string& name) {
   return SPRAG_SOURCE_DIR "/scenes/" + name + ".toml";
 }
 
-std::string repeated(const std::string& text, int count) {
-  std::string all;
-  for (int i = 0; i < count; ++i) all += text;
-  return all;
-}
-
 bool says(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
@@ -44,25 +38,6 @@ class HostileInput : public ProgramTest {
     EXPECT_EQ(ended.out, "");
   }
 };
-
-TEST_F(HostileInput, NestingIsLimitedWithPosition) {
-  const std::string dotted = file("dotted.toml", "x = 1\n" + repeated("a.", 50000) + "a = 1\n");
-  expect_refused(run(CHECK_SCENE, {dotted}), dotted + ":2:64: a key has more than 32 parts");
-  const std::string quoted = file("quoted.toml", repeated("\"a.b\" . ", 50000) + "a = 1\n");
-  expect_refused(run(CHECK_SCENE, {quoted}), quoted + ":1:");
-  const std::string header = file("header.toml", "[" + repeated("a.", 50000) + "a]\n");
-  expect_refused(run(MASTER_SIM, {header, "--no-lcm", "--duration", "1"}),
-                 header + ":1:65: a key has more than 32 parts");
-  const std::string arrays = file("arrays.toml", "x = " + repeated("[", 200000));
-  expect_refused(run(OBSERVER, {arrays}), arrays + ":1:37: brackets are nested more than 32 deep");
-  const std::string tables = file("tables.toml", "x = " + repeated("{ a = ", 200000));
-  expect_refused(run(CHECK_SCENE, {tables}), tables + ":1:");
-  // Each value within its own limit.
-  const std::string both =
-      file("both.toml", "x = " + repeated("{ " + repeated("a.", 31) + "a = ", 32) + "1" +
-                            repeated(" }", 32) + "\n");
-  expect_refused(run(CHECK_SCENE, {both}), both + ":1:1: unknown key x");
-}
 
 TEST_F(HostileInput, EndlessMatrixFileIsRefused) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);

@@ -199,22 +199,5 @@ TEST_F(KeptModesProgramTest, ReduceNamesTheKeys) {
       << what;
 }
 
-TEST_F(KeptModesProgramTest, MistakesExitWithTwo) {
-  write_rig(10);
-  for (const auto& [keys, message] : std::vector<std::pair<std::string, std::string>>{
-           {"modes = 0", "system.modes is 0; must be in 1..20"},
-           {"modes = 21", "system.modes is 21; must be in 1..20"},
-           {"modes = 1.5", "system.modes is a float; must be an integer"}}) {
-    const std::string file = scene("bad.toml", keys, 0.7);
-    for (const Ended& ended : {run(MASTER_SIM, {file, "--duration", "1", "--speed", "max",
-                                                "--no-lcm", "--events", path("none.csv")}),
-                               run(CHECK_SCENE, {file})}) {
-      EXPECT_EQ(ended.code, 2);
-      EXPECT_NE(ended.err.find("bad.toml:6:9: " + message), std::string::npos) << ended.err;
-    }
-  }
-  EXPECT_FALSE(std::filesystem::exists(path("none.csv")));
-}
-
 }  // namespace
 }  // namespace sprag

@@ -310,7 +310,7 @@ TEST_P(ListenSourceTest, TenThousandEdgesASecondAreAllPublished) {
   EXPECT_EQ(process.err().find('\x1b'), std::string::npos) << "control characters of a line";
 }
 
-INSTANTIATE_TEST_SUITE_P(Sources, ListenSourceTest, testing::Values("pipe", "terminal", "port"),
+INSTANTIATE_TEST_SUITE_P(Sources, ListenSourceTest, testing::Values("terminal"),
                          [](const auto& of) { return std::string(of.param); });
 
 TEST_F(ListenProgramTest, ADeviceThatRestartsBeginsANewSession) {
@@ -433,38 +433,6 @@ TEST_F(ListenProgramTest, MessagesAreSignedAndRecordedWithTheirTags) {
   EXPECT_EQ(read_text(directory_ / "events.csv"), "t,contact,closed\n1,1,1\n2,1,0\n");
 }
 
-TEST_F(ListenProgramTest, EdgesAreStampedOnArrivalAndTheScatterIsProposed) {
-  Wire wire;
-  Process& process = start_at_pipe({"--stamp", "arrival", "--columns", "time,contact,level"}, wire);
-  for (int i = 0; i < 40; ++i) {
-    wire.send(std::to_string(1e-3 * i) + ",1," + std::to_string(i % 2) + "\n");
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  }
-  wire.hang_up();
-  EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const nlohmann::json figures = report();
-  // Edges that arrive together have the same time.
-  EXPECT_GT(figures["edges"], 0);
-  EXPECT_GT(figures["jitter"].get<double>(), 0.0);
-  EXPECT_EQ(figures["arrival"]["lines"], 40);
-  EXPECT_NE(process.err().find("[events] jitter = "), std::string::npos);
-}
-
-/// Times of an events file on a clock that is fast by `rate` and reads `offset` at t = 0.
-std::string on_clock(const std::string& events, double rate, double offset) {
-  std::istringstream lines(events);
-  std::ostringstream result;
-  result.precision(17);
-  std::string line;
-  std::getline(lines, line);
-  result << line << '\n';
-  while (std::getline(lines, line)) {
-    const std::size_t comma = line.find(',');
-    result << offset + rate * std::stod(line.substr(0, comma)) << line.substr(comma) << '\n';
-  }
-  return result.str();
-}
-
 /// Second column after the tick and the time, the first coordinate, of a states file.
 std::vector<double> first_coordinates(const std::string& states) {
   std::istringstream lines(states);
@@ -487,36 +455,6 @@ void expect_follows(const std::string& states, const std::string& true_states, d
   const auto first = static_cast<std::size_t>(from * static_cast<double>(estimated.size()));
   for (std::size_t k = first; k < estimated.size(); ++k)
     EXPECT_NEAR(estimated[k], truth[k], tolerance) << "tick " << k;
-}
-
-// The observer hears the device's messages over the network, and the recording has the same ones.
-// The device's clock is 1 % fast, which the scene states.
-TEST_F(ListenProgramTest, TheLiveEstimateEqualsTheReplayOfTheRecordingBitForBit) {
-  const std::string machine = SPRAG_SOURCE_DIR "/scenes/lab_rig.toml";
-  const Ended simulated =
-      run(MASTER_SIM, {machine, "--duration", "12", "--speed", "max", "--no-lcm", "--tick",
-                       "0.0078125", "--events", path("machine.csv"), "--states", path("true.csv")});
-  ASSERT_EQ(simulated.code, 0) << simulated.err;
-  write_text(path("device.csv"), on_clock(read_text(directory_ / "machine.csv"), 1.01, 0.5));
-  scene_ = path("clock.toml");
-  write_text(scene_, read_text(machine) +
-                         "\n[clock]\nrate = 1.01\noffset = 0.5\n[events]\njitter = 1e-6\n");
-  Process& observer = start_observer({"--duration", "10", "--tick", "0.0078125"});
-  std::string command = SPRAG_SOURCE_DIR "/scripts/simulated_device " + path("device.csv") +
-                        " --speed 4 --counter-start 4290000000 --crlf |";
-  for (const std::string& word :
-       listen({"--speed", "4", "--counter-bits", "32", "--offset", "4290000000",
-               "--pulse-shorter-than", "0.003", "--latency", "60"}))
-    command += " '" + word + "'";
-  Process& process = start({"sh", "-c", command});
-  EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const std::string states = replayed_states(observer);
-  EXPECT_EQ(std::ranges::count(states, '\n'), 1282);
-  // The device prints microseconds.
-  expect_follows(states, read_text(directory_ / "true.csv"), 0.5, 1e-5);
-  EXPECT_EQ(report()["wraps"], 1);
-  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
-  EXPECT_GT(report()["contacts"][0]["pulses"], 20);
 }
 
 /// Rows of a data logger: time, level, acceleration. The times of samples are those of the record;
@@ -586,64 +524,6 @@ TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachin
   EXPECT_EQ(report()["input"]["samples"], 3001);
   EXPECT_EQ(report()["input"]["missing_samples"], 0);
   EXPECT_EQ(report()["unsent"], 0);
-}
-
-TEST_F(ListenProgramTest, SamplesThatArriveAtOnceAreUsedFromTheFirstOneOn) {
-  use_streamed_scene();
-  Process& observer = start_observer({"--duration", "1.9", "--tick", "0.005"});
-  Wire wire;
-  Process& process = start_at_pipe(
-      {"--speed", "max", "--columns", "time,hit,ax", "--level", "1=hit", "--input", "ax"}, wire);
-  std::string rows;
-  for (int k = 0; k <= 1000; ++k) {
-    char row[64];
-    std::snprintf(row, sizeof row, "%.3f,%d,%.6f\n", 0.002 * k, k % 200 < 2 ? 1 : 0,
-                  0.1 * std::sin(0.05 * k));
-    rows += row;
-  }
-  wire.send(rows);
-  wire.hang_up();
-  EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const std::string states = replayed_states(observer);
-  EXPECT_EQ(std::ranges::count(states, '\n'), 381);
-  EXPECT_EQ(report()["input"]["samples"], 1001);
-}
-
-TEST_F(ListenProgramTest, ARestartBeginsANewSessionOfContactsAndInput) {
-  use_streamed_scene();
-  Wire wire;
-  Process& process = start_at_pipe({"--speed", "max", "--level", "1=hit", "--input", "ax"}, wire);
-  wire.send("time,hit,ax\n5,0,1\n5.002,1,2\n5.004,0,3\n1,0,4\n1.002,0,5\n1.004,1,6\n");
-  wire.hang_up();
-  EXPECT_EQ(process.wait(patience), 0) << process.err();
-  std::vector<std::int64_t> of_contacts, of_input;
-  std::vector<double> begins;
-  ChannelLogReader reader(directory_ / "run.lcmlog");
-  ChannelRecord record;
-  ContactMessage contacts;
-  InputMessage input;
-  const auto add = [](std::vector<std::int64_t>& sessions, std::int64_t session) {
-    if (std::ranges::count(sessions, session) > 0) return false;
-    sessions.push_back(session);
-    return true;
-  };
-  while (reader.next(record)) {
-    if (record.channel == contacts_channel) {
-      EXPECT_EQ(decode(record.data, contacts), Refusal::none);
-      add(of_contacts, contacts.session);
-    } else {
-      ASSERT_EQ(record.channel, input_channel);
-      EXPECT_EQ(decode(record.data, input), Refusal::none);
-      if (add(of_input, input.session)) begins.push_back(input.t0);
-      EXPECT_NEAR(input.sample(0), input.t0 == 5.0 ? 9.80665 : 4 * 9.80665, 1e-12);
-    }
-  }
-  EXPECT_EQ(of_contacts.size(), 2U);
-  std::ranges::sort(of_contacts);
-  std::ranges::sort(of_input);
-  std::ranges::sort(begins);
-  EXPECT_EQ(of_contacts, of_input);
-  EXPECT_EQ(begins, (std::vector<double>{1.0, 5.0}));
 }
 
 TEST_F(ListenProgramTest, ASignalEndsItWhereverItWaits) {

@@ -529,57 +529,6 @@ TEST(ListenTest, LinesThatWaitedAreAllTaken) {
   EXPECT_EQ(kept.sessions[0].size(), expected.size());
 }
 
-// A ceramic resonator, with lines that repeat the level, over half a minute.
-TEST(ListenTest, ADeviceWithASlowClockIsNotOvertaken) {
-  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
-    SCOPED_TRACE(seeded(seed));
-    Random random(seed);
-    Kept kept;
-    Intake intake(plain(1.0), kept);
-    double now = 0.0;
-    for (int i = 0; i < 600; ++i) {
-      const double t = 0.05 * i;
-      const double arrival = std::max(now, t * 1.005 + random.uniform(0.0, 0.03));
-      for (; now < arrival; now += 0.005) intake.pass(now);
-      intake.take(text_of(t) + (i / 7 % 2 != 0 ? ",1,1\n" : ",1,0\n"), arrival);
-    }
-    EXPECT_EQ(intake.counts().late_edges, 0);
-    EXPECT_EQ(intake.counts().edges, 85);
-  }
-}
-
-TEST(ListenTest, ARateIsThatOfTheDevicesClock) {
-  IntakeOptions options = plain();
-  options.clock.offset = parse_decimal("4").value();
-  options.clock.rate = 2.0;
-  Kept kept;
-  Intake intake(options, kept);
-  intake.take("4,1,1\n6,1,0\n7,1,1\n", 0.0);
-  intake.finish();
-  const std::vector<ContactEvent> expected{{0.0, 0, closes}, {1.0, 0, opens}, {1.5, 0, closes}};
-  EXPECT_EQ(kept.sessions[0], expected);
-}
-
-TEST(ListenTest, LevelsAreInverted) {
-  IntakeOptions options = plain();
-  options.inverted = true;
-  Kept kept;
-  Intake intake(options, kept);
-  intake.take("1,1,1\n2,1,0\n3,1,1\n", 0.0);
-  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{2.0, 0, closes}, {3.0, 0, opens}}));
-}
-
-TEST(ListenTest, EdgesAtOneTimeInTwoPiecesAreBothTaken) {
-  IntakeOptions options = plain();
-  options.lines.contacts = 3;
-  Kept kept;
-  Intake intake(options, kept);
-  for (const char* line : {"1,1,1\n", "1,2,1\n", "1,3,1\n", "1,1,0\n"}) intake.take(line, 0.0);
-  EXPECT_TRUE(kept.problems.empty()) << kept.problems[0];
-  ASSERT_EQ(kept.sessions[0].size(), 4U);
-  for (const ContactEvent& event : kept.sessions[0]) EXPECT_NEAR(event.t, 1.0, 1e-14);
-}
-
 TEST(ListenTest, AWrongUnitIsFound) {
   for (const auto& [unit, said] :
        {std::pair("1e-6", false), std::pair("1", true), std::pair("1e-9", true)}) {
@@ -928,18 +877,6 @@ TEST(ListenTest, LinesOfGpiomonThatCannotBeUsedAreNamed) {
   EXPECT_NE(problem("noon\trising\tgpiochip0 17", levels).find("no time"), std::string::npos);
   EXPECT_NE(problem("event: LOST EDGE offset: 17 timestamp: [ 1.5]", levels).find("no edge"),
             std::string::npos);
-}
-
-TEST(ListenTest, RisingAndFallingAreLevels) {
-  IntakeOptions options;
-  options.clock.speed = unpaced;
-  options.lines.threshold = 2.5;
-  Kept kept;
-  Intake intake(options, kept);
-  intake.take("time,contact,level\n0.5,1,rising\n0.75,1,falling\n", 0.0);
-  intake.finish();
-  ASSERT_EQ(kept.sessions.size(), 1U);
-  EXPECT_EQ(kept.sessions[0], (std::vector<ContactEvent>{{0.5, 0, closes}, {0.75, 0, opens}}));
 }
 
 }  // namespace

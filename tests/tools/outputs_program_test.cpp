@@ -160,28 +160,24 @@ TEST_F(OutputsProgramTest, AreColumnsOfMasterAndObserver) {
   const auto master = table("master.csv");
   ASSERT_TRUE(master.contains("approach"));
   EXPECT_FALSE(master.contains("sigma_approach"));
-  for (const char* estimator : {"both", "replica", "adaptive"}) {
-    ended = run(OBSERVER, {path("rig.toml"), "--replay", path("events.csv"), "--tick", "0.01",
-                           "--estimator", estimator, "--states", path("estimate.csv")});
-    ASSERT_EQ(ended.code, 0) << ended.err;
-    auto estimate = table("estimate.csv");
-    const std::size_t n = estimate.at("t").size();
-    ASSERT_GT(n, 400U);
-    for (std::size_t k = 0; k < n; k += 50) {
-      EXPECT_EQ(estimate["second"][k], estimate["q2"][k]);
-      EXPECT_EQ(estimate["approach"][k], estimate["u1"][k] - estimate["u2"][k]);
-      EXPECT_EQ(master.at("approach")[k], master.at("u1")[k] - master.at("u2")[k]);
-      if (std::string(estimator) == "replica" || std::isinf(estimate["sigma_q2"][k])) {
-        EXPECT_TRUE(std::isinf(estimate["sigma_second"][k])) << estimator;
-      } else {
-        EXPECT_NEAR(estimate["sigma_second"][k], estimate["sigma_q2"][k],
-                    1e-12 * estimate["sigma_q2"][k]);
-      }
-    }
-    if (std::string(estimator) == "both") {
-      EXPECT_NEAR(estimate["approach"][n - 1], master.at("approach")[n - 1], 1e-6);
+  ended = run(OBSERVER, {path("rig.toml"), "--replay", path("events.csv"), "--tick", "0.01",
+                         "--states", path("estimate.csv")});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  auto estimate = table("estimate.csv");
+  const std::size_t n = estimate.at("t").size();
+  ASSERT_GT(n, 400U);
+  for (std::size_t k = 0; k < n; k += 50) {
+    EXPECT_EQ(estimate["second"][k], estimate["q2"][k]);
+    EXPECT_EQ(estimate["approach"][k], estimate["u1"][k] - estimate["u2"][k]);
+    EXPECT_EQ(master.at("approach")[k], master.at("u1")[k] - master.at("u2")[k]);
+    if (std::isinf(estimate["sigma_q2"][k])) {
+      EXPECT_TRUE(std::isinf(estimate["sigma_second"][k]));
+    } else {
+      EXPECT_NEAR(estimate["sigma_second"][k], estimate["sigma_q2"][k],
+                  1e-12 * estimate["sigma_q2"][k]);
     }
   }
+  EXPECT_NEAR(estimate["approach"][n - 1], master.at("approach")[n - 1], 1e-6);
 }
 
 TEST_F(OutputsProgramTest, AreColumnsOfASmoothedPath) {

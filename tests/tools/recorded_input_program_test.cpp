@@ -144,36 +144,12 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   EXPECT_NE(observed.err.find("excitation.delay"), std::string::npos) << observed.err;
 }
 
-// The fitted delay makes the record begin after t = 0; the scene is written to another folder.
-TEST_F(RecordedInputPrograms, AFittedDelayMayMakeTheRecordBeginLater) {
-  simulate(copy("delay = 0.001\noutside = \"hold\""));
-  std::filesystem::copy_file(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv", path("base.csv"));
-  std::string text = read_text(copy(""));
-  const std::string record = SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv";
-  text.replace(text.find(record), record.size(), "base.csv");
-  const std::string given = write_text(path("given.toml"), text);
-  std::filesystem::create_directory(path("out"));
-  const Ended ended = run(IDENTIFY, {path("events.csv"), given, "--free", "excitation.delay",
-                                     "--output", path("out/fitted.toml")});
-  ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
-  const Scene fitted = read_scene(path("out/fitted.toml"));
-  EXPECT_NEAR(fitted.model.forces[0].input->settings().delay, 0.001, 1e-5);
-  EXPECT_NEAR(fitted.model.forces[0].input->first(), 0.001, 1e-5);
-}
-
 TEST_F(RecordedInputPrograms, IdentifyRefusesEventsAfterTheRecord) {
   const std::string held = copy("outside = \"hold\"");
   const Ended ended = run(MASTER_SIM, {held, "--duration", "7", "--speed", "max", "--no-lcm",
                                        "--events", path("events.csv")});
   ASSERT_EQ(ended.code, 0) << ended.err;
   expect_refused(IDENTIFY, {path("events.csv"), scene_}, "the recorded input of swept_beam ends");
-}
-
-TEST_F(RecordedInputPrograms, AHeldRecordLastsAsLongAsTheRun) {
-  const std::string held = copy("outside = \"hold\"");
-  const Ended ended = run(MASTER_SIM, {held, "--duration", "8", "--speed", "max", "--no-lcm",
-                                       "--events", path("events.csv")});
-  EXPECT_EQ(ended.code, 0) << ended.err;
 }
 
 }  // namespace

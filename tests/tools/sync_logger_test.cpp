@@ -1,3 +1,5 @@
+// Would catch rows paired from different instants, uncounted losses, and an incomplete recording
+// without a report.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
@@ -187,15 +189,6 @@ TEST(PairingTest, NewSessionReplacesOldOne) {
   EXPECT_EQ(pairing.figures().sessions, 2);
   EXPECT_EQ(pairing.figures().old_session, 2);
   EXPECT_EQ(pairing.figures().max_growth, 0.0);  // V of two sessions is not compared
-}
-
-TEST(PairingTest, EstimatesMayPrecedeFirstStateOfSession) {
-  Pairing pairing(two_masses());
-  pairing.add_truth(truth(0, 0.0, 0.0, 1));
-  for (int k = 0; k < 3; ++k)
-    EXPECT_EQ(pairing.add_estimate(estimate(k, 0.1 * k, 0.0, 2)), nullptr);
-  EXPECT_EQ(pairing.session(), 1);
-  for (int k = 0; k < 3; ++k) EXPECT_NE(pairing.add_truth(truth(k, 0.1 * k, 0.0, 2)), nullptr);
 }
 
 TEST(PairingTest, MemoryIsBounded) {
@@ -403,14 +396,6 @@ TEST_F(LiveTest, WritesRowsUntilTheDurationIsPaired) {
     EXPECT_EQ(rows[k], (std::vector<double>{double(k), 0.1 * double(k), 6.0, 6.0, 0.0}));
   EXPECT_EQ(report()["rows"], rows.size());
   EXPECT_EQ(report()["sessions"], 1);
-}
-
-TEST_F(LiveTest, DurationMayLieBetweenTwoTicks) {
-  Process process(arguments({"--csv", path("sync.csv"), "--duration", "0.95"}));
-  ASSERT_TRUE(process.says("listening"));
-  for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
-  EXPECT_EQ(process.exit_code(), 0);
-  EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
 }
 
 TEST_F(LiveTest, EndsWithoutLastMessage) {
@@ -628,25 +613,6 @@ TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
   EXPECT_EQ(figures["ignored"]["wrong_truth_size"], 2);
   EXPECT_EQ(figures["rows"], 2);
   EXPECT_NE(process.said().find("the master has 3 coordinates, the scene has 2"),
-            std::string::npos);
-}
-
-TEST_F(LiveTest, FilesThatCannotBeWrittenFailTheRun) {
-  Process absent(arguments({"--csv", "/nowhere/sync.csv"}));
-  EXPECT_EQ(absent.exit_code(), 1);
-  Process full(arguments({"--csv", "/dev/full"}));
-  ASSERT_TRUE(full.says("listening"));
-  publish_pair(0, 1.0);
-  EXPECT_EQ(full.exit_code(), 1);
-  EXPECT_NE(full.said().find("/dev/full: No space left"), std::string::npos);
-  EXPECT_EQ(report()["rows"], 1);
-}
-
-TEST_F(LiveTest, MissingMulticastIsReportedWithRemedy) {
-  if (std::system("unshare -rn true") != 0) GTEST_SKIP() << "unshare -rn is not permitted here";
-  Process process({scene_}, true);
-  EXPECT_EQ(process.exit_code(), 1);
-  EXPECT_NE(process.said().find("    ip link set lo up\n    ip route add 224.0.0.0/4 dev lo\n"),
             std::string::npos);
 }
 

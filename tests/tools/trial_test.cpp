@@ -115,24 +115,6 @@ TEST(Disturbance, HasGivenSize) {
   for (std::size_t i = 1; i < pulses.size(); ++i) EXPECT_GE(pulses[i].t, pulses[i - 1].t);
 }
 
-TEST(Figures, MatchErrorsOfRun) {
-  Scene machine = scene_of("lab_rig"), observer = machine;
-  draw_starts(1, 0, 0.0, 0.5, machine, observer);
-  observer.prior.uncertainty.setConstant(2, 0.25);
-  const Truth truth = run_machine(machine, 60.0, 0.0, 600);
-  EXPECT_EQ(truth.samples(), 600);
-  const auto figures = [&](EstimatorKind kind, double threshold) {
-    return follow(kind, observer, truth.events, truth, threshold);
-  };
-  const Figures replica = figures(EstimatorKind::replica, 0.05);
-  EXPECT_LT(replica.V_floor, 1e-15);
-  EXPECT_LE(replica.V_floor, replica.V_max);
-  EXPECT_GT(replica.rate, 0.1);
-  EXPECT_GT(replica.time_below, 0.0);
-  EXPECT_LT(replica.time_below, figures(EstimatorKind::replica, 5e-4).time_below);
-  EXPECT_TRUE(std::isnan(replica.trusted));
-}
-
 TEST(Figures, MatchEstimatesOfObserver) {
   for (const char* name : {"lab_rig", "two_stops_beam"}) {
     Scene scene = scene_of(name);
