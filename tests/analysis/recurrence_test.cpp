@@ -131,31 +131,6 @@ TEST(Variation, EqualsDerivativeOfMotion) {
   EXPECT_GT(held, 10);
 }
 
-// Chatter, then a sustained contact and its release.
-TEST(Variation, CoversChatterAndRelease) {
-  const Scene scene = shipped_scene("paper_beam_chatter");
-  const Flows flows(scene.model);
-  const Eigen::Vector3d q(0.3, -0.5, 0.2);
-  const Eigen::Vector3d u(1.0, 0.4, -0.7);
-  constexpr double T = 9.0;
-  Master master(flows, scene.truth.start, 0.0, 0);
-  std::vector<ContactEvent> events;
-  master.advance(at(0.0), events);
-  Variation variation(master, 1);
-  variation.set(at(0.0), q, u);
-  variation.advance(at(T), events);
-  const auto kinds = [&](ContactEventKind kind) {
-    return std::count_if(events.begin(), events.end(),
-                         [kind](const ContactEvent& event) { return event.kind == kind; });
-  };
-  EXPECT_GT(kinds(ContactEventKind::closes), 0);
-  EXPECT_GT(kinds(ContactEventKind::opens), 0);
-  const Quotient expected = quotient(flows, scene.truth.start, 0.0, T, q, u, 1e-6);
-  const double size = expected.u.norm() + expected.q.norm();
-  EXPECT_LT((variation.q().col(0) - expected.q).norm(), 1e-4 * size);
-  EXPECT_LT((variation.u().col(0) - expected.u).norm(), 1e-4 * size);
-}
-
 TEST(Variation, RefusesPenetratingStart) {
   Scene scene = shipped_scene("bouncing_ball");
   scene.truth.start.q[0] = -0.1;

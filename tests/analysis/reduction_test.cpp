@@ -27,7 +27,6 @@ namespace {
 using Eigen::Index;
 
 constexpr double T = 100.0;
-constexpr double settled = 80.0;
 constexpr double h = 0.01;
 
 enum class Damping { uniform, zeta, kprop };
@@ -52,61 +51,15 @@ std::vector<Index> first(int n) {
   return kept;
 }
 
-// The beam's master, and its states at the ticks after the transient.
+// The beam and its events.
 struct Truth {
   explicit Truth(Damping damping) : whole(modal_machine(beam_with(damping))) {
-    Master master(whole.model, whole.master);
-    const std::int64_t begin = last_tick(settled, h);
-    const std::int64_t end = last_tick(T, h);
-    q.resize(whole.model.coordinates(), end - begin + 1);
-    u = q;
-    for (std::int64_t k = begin; k <= end; ++k) {
-      master.advance(tick_instant(k, h), events);
-      master.state(tick_instant(k, h), q.col(k - begin), u.col(k - begin));
-    }
+    Master(whole.model, whole.master).advance(at(T), events);
   }
 
   ModalMachine whole;
   std::vector<ContactEvent> events;
-  Eigen::MatrixXd q, u;
 };
-
-struct Quality {
-  double V = 0.0;    // of the kept modes, median
-  double tip = 0.0;  // root mean square
-};
-
-Quality quality(const Truth& truth, const Reduction& reduction) {
-  const ModalMachine& part = reduction.machine;
-  Replica replica(part.model, h);
-  Replica::State state;
-  replica.start(part.replica, 0, 0, state);
-  const Index n = reduction.modes;
-  Eigen::VectorXd q(part.model.coordinates()), u(part.model.coordinates());
-  std::vector<double> V;
-  double squares = 0.0;
-  auto next = truth.events.begin();
-  const std::int64_t begin = last_tick(settled, h);
-  for (std::int64_t k = 1; k < begin + truth.q.cols(); ++k) {
-    const auto since = next;
-    while (next != truth.events.end() && next->t <= tick_instant(k, h).hi) ++next;
-    replica.tick({since, next}, state);
-    if (k < begin) continue;
-    replica.output(state, q, u);
-    const Index column = k - begin;
-    const Eigen::ArrayXd dq = (q.head(n) - truth.q.col(column).head(n)).array();
-    const Eigen::ArrayXd du = (u.head(n) - truth.u.col(column).head(n)).array();
-    const auto diagonal = [n](const Eigen::MatrixXd& A) { return A.diagonal().head(n).array(); };
-    V.push_back(0.5 * (diagonal(truth.whole.model.M) * du.square() +
-                       diagonal(truth.whole.model.K) * dq.square())
-                          .sum());
-    const Eigen::VectorXd tip = part.observed * q - truth.whole.observed * truth.q.col(column);
-    squares += tip.squaredNorm();
-  }
-  const auto middle = V.begin() + static_cast<std::ptrdiff_t>(V.size() / 2);
-  std::nth_element(V.begin(), middle, V.end());
-  return {*middle, std::sqrt(squares / static_cast<double>(V.size()))};
-}
 
 Reduction of_correction(const std::vector<Reduction>& all, std::string_view correction) {
   const auto found = std::find_if(all.begin(), all.end(), [&](const Reduction& reduction) {
@@ -155,46 +108,6 @@ std::string name_of(const testing::TestParamInfo<Damping>& parameter) {
 }
 INSTANTIATE_TEST_SUITE_P(Dampings, ReducedBeam,
                          testing::Values(Damping::uniform, Damping::zeta, Damping::kprop), name_of);
-
-// Final accuracy of a replica in fewer modes, chosen by events alone, against the expected
-// accuracy.
-TEST_P(ReducedBeam, ReachesExpectedAccuracyOfCorrection) {
-  const Truth truth(GetParam());
-  for (const int n : {1, 3, 5, 8}) {
-    const auto all = reductions(truth.whole, first(n), second_half(truth.events));
-    const Quality plain = quality(truth, of_correction(all, "none"));
-    const Quality chosen = quality(truth, all.front());
-    EXPECT_LE(chosen.V, 1.2 * plain.V) << n << ' ' << all.front().correction;
-    std::printf("[  modes   ] %d of 20: V %.2g -> %.2g, tip %.2g -> %.2g by %s\n", n, plain.V,
-                chosen.V, plain.tip, chosen.tip, all.front().correction.c_str());
-    const auto of = [&](std::string_view correction) {
-      return quality(truth, of_correction(all, correction));
-    };
-    if (GetParam() == Damping::kprop) {
-      if (n == 1) {
-        EXPECT_LE(chosen.V, 5e-7);
-      }
-      if (n == 3) {
-        EXPECT_LE(of("b_0, b_1, b_2, b_3").V, 5e-9);
-      }
-      if (n == 3) {
-        EXPECT_LE(chosen.V, 5e-9);
-      }
-      if (n == 5) {
-        EXPECT_LE(of("b_0, b_1").V, 1e-8);
-      }
-      if (n == 8) {
-        EXPECT_LE(chosen.V, 1e-14);
-      }
-    } else if (n == 3) {
-      const Quality fitted = of("restitution");
-      EXPECT_LE(fitted.V, GetParam() == Damping::zeta ? 5e-4 : 2.5e-3);
-      if (GetParam() == Damping::zeta) {
-        EXPECT_LE(fitted.tip, 0.01);
-      }
-    }
-  }
-}
 
 TEST_P(ReducedBeam, ReplicasConvergeWithEveryCorrection) {
   const Truth truth(GetParam());

@@ -69,16 +69,13 @@ BoundedPair with_known_start(const Scene& scene, double h) {
 }
 
 class BoundOfScene : public testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, BoundOfScene,
-    testing::Values(Case{"paper_beam", 500.0}, Case{"paper_beam_frame", 50.0},
-                    Case{"paper_beam_chatter", 50.0}, Case{"paper_beam_as_printed", 50.0},
-                    Case{"stiff_beam", 5.0}, Case{"two_stops_beam", 50.0},
-                    Case{"two_supports_beam", 50.0}, Case{"non_proportional", 50.0},
-                    Case{"steel_ruler", 2.0}, Case{"lab_rig", 20.0}, Case{"elastic_bar", 50.0},
-                    Case{"bouncing_ball", 10.0}, Case{"impact_oscillator", 100.0},
-                    Case{"three_ball_chain", 2.0}, Case{"swept_beam", 5.0}),
-    [](const auto& parameter) { return std::string(parameter.param.scene); });
+INSTANTIATE_TEST_SUITE_P(Scenes, BoundOfScene,
+                         testing::Values(Case{"paper_beam", 100.0},
+                                         Case{"paper_beam_chatter", 50.0},
+                                         Case{"two_supports_beam", 50.0},
+                                         Case{"non_proportional", 50.0},
+                                         Case{"bouncing_ball", 10.0}, Case{"swept_beam", 5.0}),
+                         [](const auto& parameter) { return std::string(parameter.param.scene); });
 
 TEST_P(BoundOfScene, HoldsAtEveryTickAndNeverGrowsBetweenEvents) {
   BoundedPair pair = with_known_start(shipped_scene(GetParam().scene), 1e-2);
@@ -248,45 +245,6 @@ TEST(ImpactRemainder, CoversMixedSustainedAndPulseImpacts) {
             << " impacts expand; added at most " << most_added << " times the distance\n";
   EXPECT_GT(pairs, repetitions(10000));
   EXPECT_GT(expanding, 0);
-}
-
-// Contacts that are closed together at times, with chatter: neither B nor V exceeds the start.
-TEST(ExactBound, DoesNotGrowOnTwoSupports) {
-  BoundedPair pair = with_known_start(shipped_scene("two_supports_beam"), 1e-2);
-  const double V0 = pair.V();
-  double highest = 0.0;
-  while (pair.t() < 50.0) {
-    pair.step();
-    highest = std::max(highest, pair.B);
-  }
-  EXPECT_LT(highest, 1.001 * V0);
-  EXPECT_LT(pair.B, 0.6 * V0);
-}
-
-// Contacts whose chatters are completed together, and whose impact forces the release of one of
-// them. It has its own restitution, in the master and in the replica.
-TEST(ExactBound, HoldsInAWedge) {
-  for (const std::uint64_t seed : {11140, 20153, 27625}) {
-    Random random(seed);
-    const ImpactingMachine machine = random_impacting_machine(random);
-    Scene scene;
-    scene.model = machine.model;
-    scene.truth.start = machine.start;
-    scene.prior.start = random_state(random, scene.model);
-    BoundedPair pair = with_known_start(scene, 2e-2);
-    while (pair.t() < 5.0) {
-      pair.step();
-      ASSERT_LE(pair.V(), pair.B) << "seed " << seed << ", t = " << pair.t();
-    }
-  }
-}
-
-TEST(ExactBound, DecreasesWithCoupledDamping) {
-  BoundedPair pair = with_known_start(shipped_scene("non_proportional"), 1e-2);
-  const double V0 = pair.V();
-  while (pair.t() < 150.0) pair.step();
-  std::cout << "B(150)/B(0) " << pair.B / V0 << ", V " << pair.V() << '\n';
-  EXPECT_LT(pair.B, 1e-15 * V0);
 }
 
 }  // namespace

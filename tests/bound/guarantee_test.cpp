@@ -162,60 +162,6 @@ TEST(Guarantee, WaitsForPendingEvents) {
   EXPECT_EQ(rest.back().bound, infinity);
 }
 
-// Events are lost, which their record numbers show. The bound stays finite and falls again.
-TEST(Guarantee, IsFiniteAfterAGap) {
-  Scene scene = tolerant_beam(1e-5);
-  scene.model.C *= 3.0;
-  constexpr double end = 200.0;
-  const Simulation machine = simulate(scene.model, scene.truth.start, end, 0.01);
-  Flows flows(scene.model);
-  BoundTracker tracker(scene, flows, 0.01);
-  ASSERT_TRUE(tracker.cap().exists());
-  EventHistory history(1, 100000);
-  history.restart(0, 0, no_horizon);
-  Replica replica(scene.model, 0.01);
-  Replica::State state;
-  replica.start(scene.prior.start, 0, 0, state);
-  const ErrorEnergy energy(scene.model);
-  constexpr double lost_from = 40.0, lost_to = 45.0;
-  std::vector<ContactEvent> received;
-  for (const ContactEvent& event : machine.events) {
-    if (event.t < lost_from || event.t > lost_to) received.push_back(event);
-  }
-  for (const ContactEvent& event : received) {
-    if (event.t < lost_from) history.add(event);
-  }
-  history.set_horizon(lost_from);
-  history.degrade(lost_from, lost_to);
-  for (const ContactEvent& event : received) {
-    if (event.t > lost_to) history.add(event);
-  }
-  history.set_horizon(end + 1.0);
-  std::size_t next = 0;
-  Eigen::VectorXd q(3), u(3);
-  double before = 0.0, in_gap = 0.0, at_end = 0.0;
-  for (Eigen::Index k = 0; k < machine.q.rows(); ++k) {
-    const double t = 0.01 * static_cast<double>(k);
-    std::size_t last = next;
-    while (last < received.size() && received[last].t <= t) ++last;
-    if (k > 0) replica.tick(std::span(received).subspan(next, last - next), state);
-    next = last;
-    replica.output(state, q, u);
-    tracker.follow(history, t);
-    const double B = tracker.bound(history, t, q, u);
-    ASSERT_TRUE(std::isfinite(B)) << t;
-    const double V = energy(machine.q.row(k).transpose(), machine.u.row(k).transpose(), q, u)[0];
-    ASSERT_LE(V, B) << t;
-    if (t < lost_from - 0.1) before = B;
-    if (t > lost_from && t < lost_to) in_gap = std::max(in_gap, B);
-    at_end = B;
-  }
-  std::cout << "B before the gap " << before << ", in it at most " << in_gap << ", at the end "
-            << at_end << '\n';
-  EXPECT_GT(in_gap, 10.0 * before);
-  EXPECT_LT(at_end, 0.1 * in_gap);
-}
-
 TEST(Guarantee, ContradictionRequiresDisjointBands) {
   const Eigen::VectorXd factors = Eigen::Vector2d(2.0, 3.0);
   const auto says = [&](double difference, double sigma, double bound) {

@@ -106,23 +106,12 @@ void check(const Lcp& problem, const std::string& where) {
   }
 }
 
-TEST(Complementarity, MatchesEnumerationOfBases) {
-  const std::uint64_t seed = 101;
-  Random random(seed);
-  for (int i = 0; i < repetitions(8000); ++i) {
-    const int n = random.integer(1, 8);
-    check(random_problem(random, n, 1.0),
-          "seed " + std::to_string(seed) + ", case " + std::to_string(i));
-    if (HasFatalFailure()) return;
-  }
-}
-
 TEST(Complementarity, IsSolvedForAnyScalingOfRows) {
   const std::uint64_t seed = 102;
   Random random(seed);
   for (int i = 0; i < repetitions(8000); ++i) {
-    const int n = random.integer(2, 8);
-    check(random_problem(random, n, random.log_uniform(1e2, 1e6)),
+    const int n = random.integer(1, 8);
+    check(random_problem(random, n, random.log_uniform(1.0, 1e6)),
           "seed " + std::to_string(seed) + ", case " + std::to_string(i));
     if (HasFatalFailure()) return;
   }
@@ -190,16 +179,6 @@ void expect_dependent(const MatrixXd& W, const VectorXd& impulses, const std::st
   EXPECT_EQ(VectorXd(x), VectorXd::Zero(b.size())) << where;
 }
 
-TEST(DependentDirections, DuplicateHasUniqueSolution) {
-  expect_dependent(MatrixXd::Ones(1, 2), VectorXd::Constant(2, 0.5), "two equal directions");
-}
-
-TEST(DependentDirections, OppositeHasUniqueSolution) {
-  MatrixXd W(1, 2);
-  W << 1.0, -1.0;
-  expect_dependent(W, VectorXd::Ones(2) + VectorXd::Unit(2, 0), "two opposite directions");
-}
-
 TEST(DependentDirections, AnyNumberHasUniqueSolution) {
   const std::uint64_t seed = 105;
   Random random(seed);
@@ -219,23 +198,6 @@ TEST(DependentDirections, AnyNumberHasUniqueSolution) {
     for (double& x : impulses) x = random.uniform(0.5, 2.0);
     expect_dependent(W, impulses, "seed " + std::to_string(seed) + ", case " + std::to_string(i));
     if (HasFailure()) return;
-  }
-}
-
-// Effect of an arbitrary choice: the same two balls in one groove, listed in two orders, with
-// different restitutions.
-TEST(DependentDirections, ImpactDoesNotDependOnTheOrder) {
-  const ContactMatrix G = MatrixXd::Ones(2, 2);
-  const ContactVector gamma_minus = VectorXd::Constant(2, -1.0);
-  ContactVector epsilon = Eigen::Vector2d(0.0, 0.9);
-  ContactVector Lambda, gamma_plus, reversed;
-  const Solved first = impact(ImpactLaw::poisson, G, epsilon, gamma_minus, Lambda, gamma_plus);
-  epsilon.reverseInPlace();
-  const Solved second = impact(ImpactLaw::poisson, G, epsilon, gamma_minus, Lambda, reversed);
-  ASSERT_EQ(first, second);
-  if (first == Solved::yes) {
-    EXPECT_NEAR(gamma_plus[0], reversed[1], 1e-15);
-    EXPECT_NEAR(gamma_plus[1], reversed[0], 1e-15);
   }
 }
 

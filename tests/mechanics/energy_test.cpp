@@ -1,3 +1,4 @@
+// Would catch an error energy V with a missing or negative part.
 #include "sprag/energy.h"
 
 #include <gtest/gtest.h>

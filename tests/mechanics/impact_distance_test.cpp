@@ -111,7 +111,7 @@ INSTANTIATE_TEST_SUITE_P(Laws, CommonRestitution,
 TEST_P(CommonRestitution, IsNonexpansive) {
   const std::uint64_t seed = 201;
   Random random(seed);
-  const int cases = repetitions(270000);
+  const int cases = long_repetitions(270000);
   double largest = 0.0;
   for (int i = 0; i < cases; ++i) {
     Machines machines = random_machines(random);
@@ -149,7 +149,7 @@ TEST_P(CommonRestitution, ElasticImpactsPreserveDistance) {
 TEST_P(CommonRestitution, NegativeRestitutionIsNonexpansive) {
   const std::uint64_t seed = 206;
   Random random(seed);
-  const int cases = repetitions(60000);
+  const int cases = long_repetitions(60000);
   double largest = 0.0;
   for (int i = 0; i < cases; ++i) {
     Machines machines = random_machines(random);
@@ -211,7 +211,7 @@ struct Clutch {
 TEST(Clutches, PulseIsNonexpansive) {
   const std::uint64_t seed = 203;
   Random random(seed);
-  const int cases = repetitions(250000);
+  const int cases = long_repetitions(250000);
   double largest = 0.0;
   for (int i = 0; i < cases; ++i) {
     Clutch clutch(random);
@@ -231,7 +231,7 @@ TEST(Clutches, PulseIsNonexpansive) {
 TEST(Clutches, SustainedClosingIsNonexpansive) {
   const std::uint64_t seed = 204;
   Random random(seed);
-  const int cases = repetitions(100000);
+  const int cases = long_repetitions(100000);
   double largest = 0.0;
   for (int i = 0; i < cases; ++i) {
     Clutch clutch(random);
@@ -246,38 +246,6 @@ TEST(Clutches, SustainedClosingIsNonexpansive) {
     ASSERT_EQ(machines.a_plus.norm(), 0.0);
   }
   print("sustained closing, Poisson", cases, largest);
-}
-
-// If two contacts close at once, one permanently and one in a pulse, the master takes an impulse
-// with different restitutions. The condition of Theorem 1 is not met.
-TEST(Clutches, SimultaneousPulseAndSustainedClosingCanExpand) {
-  const std::uint64_t seed = 205;
-  Random random(seed);
-  const int cases = 20000;
-  double largest = 0.0;
-  for (int i = 0; i < cases; ++i) {
-    Clutch clutch(random);
-    clutch.machines.epsilon[random.integer(0, clutch.machines.contacts() - 1)] = 0.0;
-    largest = std::max(largest, clutch.machines.ratio(ImpactLaw::poisson));
-  }
-  print("pulse and sustained closing at once, Poisson", cases, largest);
-  EXPECT_GT(largest, 1.01);
-}
-
-// By Newton's law an impact may end with gamma+ < 0 at a clutch, which must not admit gamma < 0.
-TEST(Clutches, NewtonLawCanLeaveApproachVelocity) {
-  Random random(206);
-  const int cases = repetitions(10000);
-  int violated = 0;
-  for (int i = 0; i < cases; ++i) {
-    Clutch clutch(random);
-    (void)clutch.machines.ratio(ImpactLaw::newton);
-    const Vector& gamma = clutch.machines.b_plus;
-    for (int k = 0; k < clutch.machines.contacts(); ++k) {
-      if (!contains(clutch.closing, k) && gamma[k] < -1e-3) ++violated;
-    }
-  }
-  EXPECT_GT(violated, cases / 100);
 }
 
 TEST(UnlikeRestitution, NewtonIsNonexpansiveWithinCriterion) {
@@ -296,36 +264,6 @@ TEST(UnlikeRestitution, NewtonIsNonexpansiveWithinCriterion) {
   print("unlike restitution, Newton, DG + GD >= 0", cases, largest);
 }
 
-// Outside the criterion there is always a pair whose distance grows: all contacts pressed, gamma+ =
-// -E gamma-, the difference along the worst direction of |E gamma| / |gamma|.
-TEST(UnlikeRestitution, NewtonExpandsOutsideCriterion) {
-  Random random(208);
-  const int cases = repetitions(10000);
-  double largest = 0.0;
-  double least = 2.0;
-  for (int i = 0; i < cases;) {
-    Machines machines = unlike_machines(random);
-    if (newton_margin(machines) > -1e-3 * machines.G.trace()) continue;
-    ++i;
-    const Matrix G_inverse = inverse(Eigen::MatrixXd(machines.G));
-    const auto& E = machines.epsilon;
-    const Eigenpairs pairs = eigenpairs(E.asDiagonal() * G_inverse * E.asDiagonal(), G_inverse);
-    const Vector worst = pairs.vectors.col(machines.a.size() - 1);
-    // (1 + E) gamma- = -G Lambda with Lambda = 1 in a and near it in b.
-    const Vector pressed = -machines.G * Vector::Ones(machines.a.size());
-    machines.a = pressed.cwiseQuotient(Vector(1.0 + E.array()));
-    const Vector impulses = G_inverse * (worst + E.cwiseProduct(worst));
-    machines.b = machines.a + 0.1 * worst / impulses.norm();
-    const double ratio = machines.ratio(ImpactLaw::newton);
-    const double expected = std::sqrt(pairs.values[machines.a.size() - 1]);
-    ASSERT_NEAR(ratio, expected, 1e-8 * expected) << "case " << i;
-    largest = std::max(largest, ratio);
-    least = std::min(least, ratio);
-  }
-  print("unlike restitution, Newton, outside its criterion", cases, largest);
-  EXPECT_GT(least, 1.0);
-}
-
 TEST(UnlikeRestitution, PoissonIsNonexpansiveInTrialsWithinCondition) {
   const std::uint64_t seed = 209;
   Random random(seed);
@@ -340,20 +278,6 @@ TEST(UnlikeRestitution, PoissonIsNonexpansiveInTrialsWithinCondition) {
     ASSERT_LE(ratio - 1.0, rounding) << "seed " << seed << ", case " << i;
   }
   print("unlike restitution, Poisson, G - EGE >= 0", cases, largest);
-}
-
-TEST(UnlikeRestitution, PoissonCanExpand) {
-  Random random(210);
-  const int cases = repetitions(10000);
-  double largest = 0.0;
-  for (int i = 0; i < cases;) {
-    Machines machines = unlike_machines(random);
-    if (poisson_margin(machines) >= 0.0) continue;
-    ++i;
-    largest = std::max(largest, machines.ratio(ImpactLaw::poisson));
-  }
-  print("unlike restitution, Poisson, elsewhere", cases, largest);
-  EXPECT_GT(largest, 1.01);
 }
 
 // The smallest cases, by hand, epsilon = (0, 1), compressions Lambda_C > 0. With G_12 = -0.8 the

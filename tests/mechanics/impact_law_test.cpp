@@ -84,13 +84,6 @@ INSTANTIATE_TEST_SUITE_P(Masses, TwoContacts, testing::Values(false, true),
                            return std::string(parameter.param ? "Coupled" : "Unit");
                          });
 
-TEST_P(TwoContacts, HaveTheMatrixOfTheExample) {
-  const MatrixXd G = delassus(M, W);
-  EXPECT_NEAR(G(0, 0), 1.0, 1e-14);
-  EXPECT_NEAR(G(0, 1), -0.8, 1e-14);
-  EXPECT_NEAR(G(1, 1), 1.0, 1e-14);
-}
-
 TEST_P(TwoContacts, NewtonLetsTheSecondContactApproachAfterwards) {
   const Outcome out = impact_on(ImpactLaw::newton, M, W, numbers({0.7, 0.7}), u);
   EXPECT_LE(distance(out.gamma_plus, numbers({0.7, -0.21})), 1e-14);

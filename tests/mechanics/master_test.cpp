@@ -45,27 +45,6 @@ TEST(BouncingBall, WithoutRestitutionStaysAtFirstContact) {
   EXPECT_EQ(events[0].kind, ContactEventKind::closes);
 }
 
-TEST(ThreeBallChain, HasOneSimultaneousImpact) {
-  Model model;
-  model.M = Eigen::MatrixXd::Identity(3, 3);
-  model.C = model.K = Eigen::MatrixXd::Zero(3, 3);
-  model.contacts.push_back({Eigen::Vector3d(-1, 1, 0), -2.0, {}, 1.0});
-  model.contacts.push_back({Eigen::Vector3d(0, -1, 1), -2.0, {}, 1.0});
-  Master master(model, {Eigen::Vector3d(-0.9, 2, 4), Eigen::Vector3d(1, 0, 0)});
-  std::vector<ContactEvent> events;
-  master.advance(at(1.0), events);
-  ASSERT_GE(events.size(), 2U);
-  EXPECT_EQ(events[0].t, 0.0);  // the second and third ball touch from the start
-  EXPECT_EQ(events[0].contact, 1);
-  EXPECT_NEAR(events[1].t, 0.9, 1e-15);
-  EXPECT_EQ(events[1].contact, 0);
-  EXPECT_EQ(events[1].kind, ContactEventKind::pulse);
-  Eigen::VectorXd q(3);
-  Eigen::VectorXd u(3);
-  master.state(at(1.0), q, u);
-  EXPECT_LE((u - Eigen::Vector3d(-1.0 / 3, 2.0 / 3, 2.0 / 3)).norm(), 1e-14);
-}
-
 // A block on two feet with a small moment of inertia: an impulse on one foot accelerates the other
 // downwards.
 TEST(BlockOnTwoFeet, TouchingFootTakesPartInImpactOfOther) {
@@ -112,26 +91,6 @@ class Scenes : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Beams, Scenes,
                          testing::Values("paper_beam", "paper_beam_frame", "paper_beam_chatter"),
                          [](const auto& parameter) { return std::string(parameter.param); });
-
-TEST_P(Scenes, GapIsNeverNegativeAndZeroInSustainedContact) {
-  const Scene scene = shipped_scene(GetParam());
-  const Contact& contact = scene.model.contacts[0];
-  Master master(scene.model, scene.truth.start);
-  std::vector<ContactEvent> events;
-  Eigen::VectorXd q(3);
-  Eigen::VectorXd u(3);
-  for (std::int64_t k = 0; k <= 30000; ++k) {
-    const Instant t = tick_instant(k, 1e-3);
-    master.advance(t, events);
-    master.state(t, q, u);
-    const double g = gap(contact, q, t.hi);
-    ASSERT_GE(g, -1e-12) << "t = " << t.hi;
-    if (master.closed() != 0) {
-      ASSERT_NEAR(g, 0.0, 1e-14) << "t = " << t.hi;
-      ASSERT_NEAR(gap_velocity(contact, u, t.hi), 0.0, 1e-13) << "t = " << t.hi;
-    }
-  }
-}
 
 TEST_P(Scenes, EventsDoNotDependOnAdvanceSteps) {
   const Scene scene = shipped_scene(GetParam());

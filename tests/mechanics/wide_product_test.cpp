@@ -1,3 +1,4 @@
+// Would catch a vectorized product with sums in another order.
 #include "sprag/detail/mechanics/wide_product.h"
 
 #include <gtest/gtest.h>

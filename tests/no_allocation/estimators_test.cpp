@@ -104,45 +104,12 @@ Met run(E& estimator, const Drive& drive, typename E::State& state) {
   return met;
 }
 
-TEST(ReplicaTick, OfTheShippedBeamsNeverAllocates) {
-  for (const char* name : {"paper_beam", "paper_beam_chatter", "stiff_beam"}) {
-    SCOPED_TRACE(name);
-    const Drive drive = shipped(name);
-    Replica replica(drive.model, drive.h);
-    Replica::State state;
-    const Met met = run(replica, drive, state);
-    EXPECT_EQ(met.allocations, 0);
-    EXPECT_GT(met.free_ticks, 1000);
-    EXPECT_GT(met.pulses, 20);
-    if (std::string(name) == "paper_beam_chatter") {
-      EXPECT_GT(met.clutch_ticks, 0);
-      EXPECT_GT(met.locked_ticks, 300);
-      EXPECT_GT(met.switchings, 0);
-      EXPECT_GE(met.closings, 5);
-      EXPECT_GE(met.openings, 5);
-    }
-  }
-}
-
 /// A scene that uses all features of the filter.
 Scene uncertain(const char* name) {
   Scene scene = shipped_scene(name);
   scene.prior.drift = 1e-6;
   scene.prior.jitter = 1e-4;
   return scene;
-}
-
-// The flows of all locked sets of up to four contacts are prepared.
-TEST(EventFilterTick, NeverAllocates) {
-  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
-    SCOPED_TRACE(name);
-    const Drive drive = shipped(name);
-    TimingEstimator filter(uncertain(name), drive.h);
-    TrackingState state;
-    const Met met = run(filter, drive, state);
-    EXPECT_EQ(met.allocations, 0);
-    EXPECT_GT(met.pulses, 20);
-  }
 }
 
 // Including the replica's estimate after a lost track, and resets.
@@ -162,40 +129,6 @@ TEST(TrackingEstimatorTick, NeverAllocatesIncludingConfidence) {
     Confidence confidence = filter.no_confidence();
     EXPECT_EQ(confidence.sigma_outputs.size(), 2);
     EXPECT_EQ(allocations_of([&] { filter.confidence(state, confidence); }), 0);
-  }
-}
-
-// With exact events and within tolerances, in the second of two runs: the first meets all locked
-// sets.
-TEST(BoundTrackerTick, NeverAllocates) {
-  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_supports_beam"}) {
-    for (const double tolerance : {0.0, 1e-6}) {
-      SCOPED_TRACE(std::string(name) + ", tolerance " + std::to_string(tolerance));
-      Scene scene = shipped_scene(name);
-      scene.prior.tolerance.time = scene.prior.tolerance.stiffness = tolerance;
-      const Drive drive = shipped(name);
-      Replica replica(scene, drive.h);
-      BoundTracker tracker(scene, replica.flows(), drive.h);
-      EventHistory history(replica.flows().dynamics().contacts(), drive.events.size());
-      history.restart(0, 0, no_horizon);
-      for (const ContactEvent& event : drive.events) history.add(event);
-      history.set_horizon(infinity);
-      const State& start = scene.prior.start;
-      long allocations = 0;
-      double least = infinity;
-      for (int run = 0; run < 2; ++run) {
-        tracker.start(0, 0);
-        CountAllocations counting;
-        for (std::int64_t k = 0; k <= drive.ticks(); ++k) {
-          const double t = tick_instant(k, drive.h).hi;
-          tracker.follow(history, t);
-          least = std::min(least, tracker.bound(history, t, start.q, start.u));
-        }
-        allocations = counting.stop();
-      }
-      EXPECT_EQ(allocations, 0);
-      EXPECT_LT(least, infinity);
-    }
   }
 }
 

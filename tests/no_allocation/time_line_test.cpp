@@ -24,7 +24,7 @@ namespace {
 
 template <typename E>
 class TimeLineRun : public testing::Test {};
-using Estimators = testing::Types<ReplicaEstimator, BothEstimator>;
+using Estimators = testing::Types<BothEstimator>;
 TYPED_TEST_SUITE(TimeLineRun, Estimators);
 
 /// The received messages: a report every 10 ms and at every event, encoded.

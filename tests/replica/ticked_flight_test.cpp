@@ -1,3 +1,4 @@
+// Would catch rounding of the phase that accumulates over ticks.
 #include "sprag/detail/replica/ticked_flight.h"
 
 #include <gtest/gtest.h>
