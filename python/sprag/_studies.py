@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import itertools
-import json
 import os
 import pathlib
 from collections.abc import Iterable
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from ._command import require
 from ._errors import InputError
+from .tables import read_manifest
 
 
 class Study:
@@ -154,8 +154,11 @@ def _columns(stream: Iterable[str], file: str) -> dict[str, npt.NDArray[Any]]:
 
 def study_from_rows(rows: Iterable[str], manifest: dict[str, Any]) -> Study:
     """The study of lines of a file of rows."""
-    axes = [str(axis["path"]) for axis in manifest["axes"]]
-    return Study(_columns(rows, "rows"), axes, manifest)
+    return _study(_columns(rows, "rows"), manifest)
+
+
+def _study(columns: dict[str, npt.NDArray[Any]], manifest: dict[str, Any]) -> Study:
+    return Study(columns, [str(axis["path"]) for axis in manifest.get("axes", [])], manifest)
 
 
 def read_study(path: str | os.PathLike[str]) -> Study:
@@ -173,14 +176,4 @@ def read_study(path: str | os.PathLike[str]) -> Study:
             columns = _columns(stream, str(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{file}: {error}") from None
-    rows_file = file.stem.startswith("rows")
-    beside = file.with_name("manifest.json") if rows_file else file.with_suffix(".json")
-    manifest: dict[str, Any] = {}
-    if beside.exists():
-        try:
-            manifest = json.loads(beside.read_text(encoding="utf-8"))
-            axes = [str(axis["path"]) for axis in manifest["axes"]]
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{beside}: no manifest of a study: {error}") from None
-        return Study(columns, axes, manifest)
-    return Study(columns, [], manifest)
+    return _study(columns, read_manifest(file))

@@ -178,6 +178,19 @@ def manifest_of(rows: str | Path) -> Path:
     return path.with_suffix(".json")
 
 
+def read_manifest(rows: str | Path) -> dict[str, Any]:
+    """What the manifest of rows says; nothing without one. Raises InputError if it is damaged."""
+    file = manifest_of(rows)
+    if not file.exists():
+        return {}
+    try:
+        manifest: dict[str, Any] = json.loads(file.read_text("utf-8", "surrogateescape"))
+        axes_of(manifest)  # raises where they are missing
+        return manifest
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{file}: no manifest of a study: {error}") from None
+
+
 def read_study_rows(files: Sequence[str | Path]) -> Study:
     """Reads the only file of a study, or its shards, with the manifest beside them.
 
@@ -191,8 +204,9 @@ def read_study_rows(files: Sequence[str | Path]) -> Study:
             raise InputError(f"{table.file}:1: the header is not that of the first file")
         if table.damage:
             study.damage.append(table.damage)
-        if not study.axes:
-            _read_manifest(manifest_of(table.file), study)
+        if not study.axes and (manifest := read_manifest(table.file)):
+            study.name = str(manifest.get("name", study.name))
+            study.axes = axes_of(manifest)
     study.rows = pd.concat([table.data for table in tables], ignore_index=True)
     return study
 
@@ -206,17 +220,6 @@ def axes_of(manifest: Mapping[str, Any]) -> list[str]:
             keys.append(str(axis["path"]))
         groups.add(axis.get("group"))
     return keys
-
-
-def _read_manifest(file: Path, study: Study) -> None:
-    if not file.exists():
-        return
-    try:
-        manifest = json.loads(file.read_text(encoding="utf-8", errors="surrogateescape"))
-        study.name = str(manifest["name"])
-        study.axes = axes_of(manifest)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{file}: no manifest of a study: {error}") from None
 
 
 def columns(run: Any, scene: Any = None) -> dict[str, Numbers]:
