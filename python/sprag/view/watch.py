@@ -49,6 +49,11 @@ class States:
     sigma_q: Numbers  # (n, f)
     sigma_g: Numbers  # (n, m)
 
+    def after(self, t: float) -> States:
+        """Those later than t and than all before them."""
+        rising = np.maximum.accumulate(np.append(t, self.t))[:-1] < self.t
+        return States(**{name: of[rising] for name, of in vars(self).items()})
+
 
 def _padded(values: Any, columns: int, fill: float) -> Numbers:
     result = np.full((len(values), columns), fill)
@@ -259,12 +264,9 @@ class Watch:
     def _take_settled(self, channel: str, messages: list[bytes], now: float) -> None:
         for states in self._states(messages, True):
             self.arrived["SPRAG_ESTIMATE"] = max(now, self.arrived.get("SPRAG_ESTIMATE", now))
-            rising = (
-                np.maximum.accumulate(np.append(self.estimates.last_t, states.t))[:-1] < states.t
-            )
-            if not rising.any():
+            states = states.after(self.estimates.last_t)
+            if not len(states.t):
                 continue
-            states = States(**{name: of[rising] for name, of in vars(states).items()})
             self.estimates.add(states.t, self._bands(states))
             self.bounds.add(states.t, states.raw["bound"][:, None])
             self.settled = states.raw[-1]
@@ -301,9 +303,8 @@ class Watch:
     def _take_truth(self, channel: str, messages: list[bytes], now: float) -> None:
         for states in self._states(messages, False):
             self.arrived[channel] = now
-            rising = np.maximum.accumulate(np.append(self.truths.last_t, states.t))[:-1] < states.t
-            if rising.any():
-                states = States(**{name: of[rising] for name, of in vars(states).items()})
+            states = states.after(self.truths.last_t)
+            if len(states.t):
                 self.truths.add(states.t, self._values(states))
                 self.truth.extend(states.raw)
                 self._pair(0, states)
