@@ -2,11 +2,8 @@
 
 import csv
 import json
-import signal
 import subprocess
-import sys
 import tempfile
-import time
 import unittest
 import warnings
 from pathlib import Path
@@ -495,83 +492,6 @@ restitution = 0.6
         with self.assertRaises(ValueError):
             sprag.Beam(modes=2, damping=0.1, damping_ratio=0.1)
 
-
-class StudiesTest(unittest.TestCase):
-    def test_tolerance(self):
-        asked = {"runs": 1, "duration": 20.0, "estimators": ["replica"]}
-        found = sprag.tolerance("impact_oscillator", jobs=2, **asked)
-        self.assertEqual(found.target, 1e-4 * found.motion_energy)
-        self.assertEqual(found.duration, 20.0)
-        jitter = found.limits[found.limits["what"] == "jitter"]
-        self.assertEqual(jitter["estimator"].tolist(), ["replica"])
-        self.assertEqual(jitter["kind"].tolist(), ["within"])
-        tried = found.points[found.points["what"] == "jitter"]
-        below = tried["amount"][tried["median"] < found.target].max()
-        self.assertTrue(below <= jitter["amount"][0] < 10 * below)
-        again = sprag.tolerance(scene("impact_oscillator"), jobs=1, **asked)
-        np.testing.assert_array_equal(again.limits, found.limits)
-        self.assertIn("jitter", found.guaranteed["what"])
-        of_object = sprag.tolerance(rig(), runs=1, duration=5.0, estimators=["replica"], jobs=1)
-        self.assertIn("system.K", of_object.limits["what"])
-        with self.assertRaisesRegex(sprag.SceneError, "nowhere"):
-            sprag.tolerance("nowhere.toml")
-        for wrong in ({"runs": 0}, {"target": -1.0}, {"estimators": ["none"]}, {"jobs": 0}):
-            with self.subTest(wrong), self.assertRaises(ValueError):
-                sprag.tolerance("impact_oscillator", **wrong)
-
-    def test_study(self):
-        with tempfile.TemporaryDirectory() as folder:
-            sprag.write_scene(Path(folder) / "rig.toml", rig())
-            file = Path(folder) / "study.toml"
-            file.write_text(STUDY)
-            study = sprag.run_study(file, jobs=2)
-            self.assertEqual(study.axes, ["contact.1.restitution"])
-            self.assertEqual(study.rows, 40)
-            self.assertEqual(study.grid("replica.V_floor").shape, (2, 20))
-            self.assertEqual(study.manifest["study"]["text"], STUDY)
-            self.assertEqual(set(study["failure"]), {""})
-            for name in study.names:
-                np.testing.assert_array_equal(study[name], sprag.run_study(file, jobs=1)[name])
-            file.write_text("name = 1")
-            with self.assertRaises(sprag.SceneError):
-                sprag.run_study(file)
-
-    def test_points_of_a_section(self):
-        with tempfile.TemporaryDirectory() as folder:
-            sprag.write_scene(Path(folder) / "rig.toml", rig())
-            file = Path(folder) / "study.toml"
-            file.write_text(
-                'scene = "rig.toml"\nrecord = ["poincare"]\n'
-                "machine = { transient = 10, periods = 5 }\n"
-            )
-            study = sprag.run_study(file)
-            self.assertEqual(study["n"].tolist(), [1, 2, 3, 4, 5])
-
-    def test_an_interrupt_ends_a_study(self):
-        code = """
-import sprag
-print("ready", flush=True)
-try:
-    sprag.tolerance("lab_rig", runs=1000)
-except KeyboardInterrupt:
-    print("interrupted")
-"""
-        python = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-        self.assertEqual(python.stdout.readline(), "ready\n")
-        time.sleep(0.5)
-        python.send_signal(signal.SIGINT)
-        self.assertEqual(python.communicate(timeout=60)[0], "interrupted\n")
-
-
-STUDY = """scene = "rig.toml"
-duration = 5.0
-runs = 20
-start.replica = 0.01
-estimators = ["replica", "both"]
-record = ["V_floor"]
-[vary]
-contact.1.restitution = [0.5, 0.6]
-"""
 
 if __name__ == "__main__":
     unittest.main()

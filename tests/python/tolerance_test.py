@@ -6,7 +6,9 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -154,6 +156,21 @@ class ToleranceTest(unittest.TestCase):
         for name in ("limits", "guaranteed", "points"):
             self.assertEqual(repr(getattr(one, name)), repr(getattr(three, name)))
         self.assertEqual(str(one), str(three))
+
+    def test_an_interrupt_ends_it(self):
+        code = """
+import sprag
+print("ready", flush=True)
+try:
+    sprag.tolerance("lab_rig", runs=1000)
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+        python = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        self.assertEqual(python.stdout.readline(), "ready\n")
+        time.sleep(0.5)
+        python.send_signal(signal.SIGINT)
+        self.assertEqual(python.communicate(timeout=60)[0], "interrupted\n")
 
     def test_what_is_not_allowed(self):
         with self.assertRaisesRegex(sprag.SceneError, "nowhere"):
