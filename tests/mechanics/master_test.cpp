@@ -39,6 +39,19 @@ TEST(BouncingBall, MatchesClosedFormUpToRest) {
   EXPECT_NEAR(events_of(ball(1.0, 0.7), 10.0).back().t, 2.558633966, 1e-9);
 }
 
+// With a long chatter time the error of the completion is not below the tolerance of the above.
+TEST(BouncingBall, ChatterIsCompletedInTheChatterTimeAtTheTimeOfRest) {
+  Scene scene = ball(0.9, 0.9);
+  scene.model.chatter_time = 0.1;
+  const std::vector<ContactEvent> events = events_of(scene, 100.0);
+  ASSERT_GT(events.size(), 2U);
+  const double rest = 19.0 * std::sqrt(2.0 * 0.9 / 9.81);
+  EXPECT_EQ(events.back().kind, ContactEventKind::closes);
+  EXPECT_NEAR(events.back().t, rest, 1e-9);
+  EXPECT_LT(rest - events[events.size() - 2].t, 0.1);
+  EXPECT_GT(rest - events[events.size() - 3].t, 0.1);
+}
+
 TEST(BouncingBall, WithoutRestitutionStaysAtFirstContact) {
   const std::vector<ContactEvent> events = events_of(ball(0.9, 0.0), 100.0);
   ASSERT_EQ(events.size(), 1U);
