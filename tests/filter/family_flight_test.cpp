@@ -258,7 +258,8 @@ TEST(FamilyFlight, EqualsExactFlowsOfDrawnMachines) {
       EXPECT_EQ(after[1], after[0]);
     }
   }
-  EXPECT_GT(several, 20U);
+  // Enough of the held sets have several contacts.
+  EXPECT_GE(several, static_cast<std::size_t>(repetitions(60)) / 3);
 }
 
 // By each parameter, those of the clock, single entries of K and C and common factors included:
