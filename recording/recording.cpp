@@ -27,12 +27,12 @@ bool is_lcm_log(InputFile& file) {
 }
 
 RecordedMessages::RecordedMessages(InputFile file, int contacts, const ContactClock& clock,
-                                   const std::optional<Key>& key)
+                                   std::optional<Key> key)
     : name_(file.path().string()),
       log_(std::move(file)),
       contacts_(contacts),
       clock_(clock),
-      key_(&key) {}
+      key_(std::move(key)) {}
 
 std::vector<std::string> RecordedMessages::problems(const MessageCounts& counts) const {
   constexpr std::size_t most = 20;
@@ -69,8 +69,8 @@ std::vector<std::string> RecordedMessages::problems(const MessageCounts& counts)
 // The present record without its tag; nullopt, and counted, if the key does not verify it.
 std::optional<std::span<const std::uint8_t>> RecordedMessages::authentic() {
   const std::span<const std::uint8_t> message(record_.data);
-  if (!*key_) return message;
-  if ((*key_)->verifies(record_.channel, message)) {
+  if (!key_) return message;
+  if (key_->verifies(record_.channel, message)) {
     return message.first(message.size() - Key::tag_size);
   }
   ++unauthenticated_;

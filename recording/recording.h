@@ -28,8 +28,7 @@ class RecordedMessages {
  public:
   /// For a machine with `contacts` contacts. With a key only messages signed with it are used. The
   /// times of the log are on `clock`; the messages that next() returns have the machine's time.
-  RecordedMessages(InputFile file, int contacts, const ContactClock& clock,
-                   const std::optional<Key>& key);
+  RecordedMessages(InputFile file, int contacts, const ContactClock& clock, std::optional<Key> key);
 
   /// Reads the next message and its arrival; false at the end of the log. Calls on_input for each
   /// valid message on SPRAG_INPUT before it.
@@ -54,7 +53,7 @@ class RecordedMessages {
   ChannelLogReader log_;
   int contacts_;
   ContactClock clock_;
-  const std::optional<Key>* key_;
+  std::optional<Key> key_;
   ChannelRecord record_;
   std::int64_t now_ = 0;     // ns
   std::int64_t origin_ = 0;  // time on the scale of now_ at which the log's clock is 0 [ns]
