@@ -1,4 +1,5 @@
-// Would catch a bound on a polynomial's first root that is behind it, or a root without a crossing.
+// Would catch a lower bound of a polynomial's first root that lies after the root, and a root that
+// is reported where the polynomial has none.
 #include "sprag/detail/mechanics/bernstein.h"
 
 #include <gtest/gtest.h>

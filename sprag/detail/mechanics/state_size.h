@@ -8,7 +8,7 @@
 
 namespace sprag {
 
-// Throws std::invalid_argument unless the state has f coordinates and f velocities.
+/// Throws std::invalid_argument unless the state has f coordinates and f velocities.
 inline void require_size(const State& state, Eigen::Index f, const std::string& name) {
   if (state.q.size() == f && state.u.size() == f) return;
   throw std::invalid_argument(name + " has " + std::to_string(state.q.size()) +
