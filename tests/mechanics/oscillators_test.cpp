@@ -257,6 +257,24 @@ TEST(Oscillators, DampedDriftAgreesWithItsSeries) {
   }
 }
 
+// The neighbour of an undamped machine in a difference quotient may have negative damping.
+TEST(Oscillators, NegativeDampingGrows) {
+  for (const double delta : {-1e-9, -1e-5, -0.3, -2.0}) {
+    for (const double tau : {0.0, 0.3, 2.0}) {
+      const Real rate = -2 * Real(delta), grown = std::expm1(rate * tau);
+      const Point moved = propagate(delta, 0.0, -9.81, tau, {0.9, 0.5});
+      const Real v = 0.5L + 0.5L * grown - 9.81L * grown / rate;
+      const Real z = 0.9L + 0.5L * grown / rate - 9.81L * (grown / rate - tau) / rate;
+      const double scale = static_cast<double>(1 + grown * 40);
+      EXPECT_NEAR(static_cast<double>(moved.v - v), 0.0, 1e-13 * scale) << delta << ' ' << tau;
+      // The last term of z cancels for small rates.
+      const double cancelled = 1e-18 / static_cast<double>(rate * rate);
+      EXPECT_NEAR(static_cast<double>(moved.z - z), 0.0, 1e-13 * scale + cancelled)
+          << delta << ' ' << tau;
+    }
+  }
+}
+
 // Backwards over many decay times, in one step and in short steps: growing terms grow equally.
 TEST(Oscillators, LongBackwardStepEqualsManyShortOnes) {
   constexpr int steps = 256;

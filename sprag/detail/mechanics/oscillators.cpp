@@ -16,8 +16,12 @@ Kernel underdamped(double delta, double kappa, double omega, double decay, doubl
 }
 
 // sigma = sqrt(delta^2 - kappa) > 0. For tau >= 0 all exponents are <= 0; delta - sigma is computed
-// without cancellation.
+// without cancellation. Negative damping is damping backwards in time.
 Kernel overdamped(double delta, double kappa, double sigma, double tau) {
+  if (delta < 0.0) {
+    const Kernel k = overdamped(-delta, kappa, sigma, -tau);
+    return {k.zz, -k.zv, -k.vz, k.vv};
+  }
   const double slow = std::exp(-kappa / (delta + sigma) * tau);
   const double one_minus_fast = -std::expm1(-2.0 * sigma * tau);
   const double s = slow * one_minus_fast / (2.0 * sigma);
@@ -28,6 +32,7 @@ Kernel overdamped(double delta, double kappa, double sigma, double tau) {
 // Response of z to alpha = 1, accurate to all digits where (1 - zz) / kappa cancels. Its rate is
 // k.zv.
 double step_response(double delta, double kappa, double omega, const Kernel& k, double tau) {
+  if (delta < 0.0) return step_response(-delta, kappa, omega, k, -tau);
   if (delta == 0.0) {
     const double half = 0.5 * omega * tau;
     const double sinc = half == 0.0 ? 1.0 : std::sin(half) / half;

@@ -45,7 +45,8 @@ struct OscillatorStep : OscillatorKernel {
   }
 };
 
-/// Requires delta, kappa >= 0. tau < 0 goes back in time, where damped motion grows.
+/// Requires kappa >= 0. tau < 0 goes back in time, where damped motion grows, as it does for
+/// delta < 0.
 OscillatorStep oscillator_step(double delta, double kappa, double tau);
 
 /// Constant data of N oscillators.
