@@ -97,6 +97,20 @@ TEST_F(RecordedInput, ForceAndGroundSupportFollowTheRecord) {
   EXPECT_NE(ground.remarks[1].find("drift"), std::string::npos) << ground.remarks[1];
 }
 
+// A stated uncertainty above the interpolation error accounts for it.
+TEST_F(RecordedInput, AnUnresolvedRecordIsReportedUnlessItsUncertaintyCoversIt) {
+  const auto remark = [&](const std::string& keys) {
+    const Scene scene = scene_of(good_record, keys);
+    for (const std::string& text : scene.remarks) {
+      if (text.find("is not resolved by its sampling") != std::string::npos) return text;
+    }
+    return std::string();
+  };
+  EXPECT_TRUE(remark("").ends_with("or set uncertainty")) << remark("");
+  EXPECT_TRUE(remark("uncertainty = 1e-6\n").ends_with("or raise uncertainty"));
+  EXPECT_EQ(remark("uncertainty = 10.0\n"), "");
+}
+
 TEST_F(RecordedInput, ColumnsAreFoundByName) {
   const std::string_view record =
       "# a logger\nT [s];x;\"ay [m/s2]\"\n0;9;0\n1;9;1\n2;9;4\n3;9;9\n4;9;16\n";

@@ -139,11 +139,12 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
     table.fail(key, "has values beyond the range of doubles; must be in other units");
   }
   const double error = input->interpolation_error();
-  if (input->rms() > 0.0 && error > reported_error * input->rms()) {
+  const double noise = input->noise();
+  if (input->rms() > 0.0 && error > std::max(reported_error * input->rms(), noise)) {
     table.remark(key, "is not resolved by its sampling: between samples the input may be off by " +
                           rounded(error) + ", " + rounded(100.0 * error / input->rms()) +
-                          " % of its rms. The estimates do not account for it; sample faster, "
-                          "or set uncertainty");
+                          " % of its rms. The estimates do not account for it; sample faster, or " +
+                          (noise > 0.0 ? "raise" : "set") + " uncertainty");
   }
   return input;
 }
