@@ -4,7 +4,7 @@
 
 namespace sprag {
 
-IdentificationThread::IdentificationThread(const MachineFamily& family, std::size_t most_events)
+IdentificationThread::IdentificationThread(const SceneValues& family, std::size_t most_events)
     : family_(family) {
   task_.events.reserve(most_events);
 }

@@ -14,7 +14,7 @@ namespace sprag {
 class IdentificationThread {
  public:
   /// `family` must outlive this. A task has at most `most_events` events.
-  IdentificationThread(const MachineFamily& family, std::size_t most_events);
+  IdentificationThread(const SceneValues& family, std::size_t most_events);
   IdentificationThread(const IdentificationThread&) = delete;
   IdentificationThread& operator=(const IdentificationThread&) = delete;
 
@@ -30,7 +30,7 @@ class IdentificationThread {
  private:
   enum class Stage { idle, asked, done };
 
-  const MachineFamily& family_;
+  const SceneValues& family_;
   AdaptationTask task_;
   std::array<AdaptationResult, 2> results_;  // the result in use, and the next one
   std::size_t next_ = 0;

@@ -64,7 +64,7 @@ class LiveObserver {
         verbose_(options.verbose) {
     // New samples of a streamed input change flows, which another thread must not build meanwhile.
     if (!estimation_.stream) flow_builder_.emplace(estimation_.estimator.flows());
-    if (const MachineFamily* family = estimation_.estimator.family()) {
+    if (const SceneValues* family = estimation_.estimator.family()) {
       identification_.emplace(*family, MachineAdaptation::most_events);
       loop_.identify_in(*identification_);
     }

@@ -1,18 +1,18 @@
 /// \file
 /// \brief Identifies parameters of a machine from the times of its contact events alone.
 ///
-/// 1. search.h finds candidates by variable projection on windows of impacts.
-/// 2. maximum_likelihood.h refines each, with the true event times among the unknowns.
-/// 3. A candidate is a solution if it has converged, if the machine meets every support from
-///    outside, and if its times scatter as their jitter does:
-///    chi^2 / freedom < 1 + 6 sqrt(2 / freedom).
-/// 4. If there is none, mending.h looks for missed and spurious detections.
-/// 5. determination.h finds by the profile likelihood which parameters the events determine.
-/// 6. The first four fifths of the recording must predict the last fifth.
+/// One least-squares problem over the parameters, the starts of the stretches and the true times of
+/// the events (gauss_newton.h). The search begins on a window of events, grows it to the whole
+/// record, and inserts or drops an event where the record cannot be followed and the likelihood
+/// gains (search.h). A table of checks gives the verdict (judgement.h): the search has converged, and
+/// the fit uses at least 90 % of the events; no value is beyond its range; the times scatter as their
+/// jitter, chi^2 / freedom < 1 + 6 sqrt(2 / freedom), and no departure from the model explains them
+/// better (Cause); the first four fifths of the record predict the last fifth; other values do not
+/// explain the events as well.
 ///
-/// Recorded inputs: their response is computed again for every machine. 7. record_errors.h adds the
-/// effect of their noise and resolution. If their samples have a stated noise, the jitter is
-/// estimated even if it is given, because the noise makes event times scatter as well.
+/// Recorded inputs: record_errors.h adds the effect of their noise and resolution. If their samples
+/// have a stated noise, the jitter is estimated even if it is given, because the noise makes event
+/// times scatter as well.
 ///
 /// The result has one verdict (FitProblem). No other part of a result judges the fit. Contacts,
 /// events and unknowns are counted from 0.
@@ -20,14 +20,14 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -47,10 +47,14 @@ struct IdentificationSettings {
   std::vector<EventGap> gaps;        ///< where events may be missing, in order and disjoint
   bool mend = true;                  ///< look for missed and spurious detections
   std::vector<std::size_t> guessed;  ///< indices of events whose times are guesses
-  bool through_contact = true;       ///< follow the path through sustained contacts
   bool white = true;                 ///< without a jitter, refuse a scatter that is not white
+  /// \brief If no path explains the events to their jitter, look for one that follows them roughly:
+  /// the model is an approximation.
+  bool approximate = false;
   /// \brief Refuse values outside of Unknown::within, although the search covers a larger range.
   bool strictly_within = true;
+  /// \brief Called with what is being tried, before each attempt; may be empty.
+  std::function<void(std::string_view)> progress = {};
 };
 
 /// \brief Result for one parameter.
@@ -66,6 +70,9 @@ struct FittedUnknown {
   int partner = -1;          ///< determined unknown with the largest correlation; -1: none
   double correlation = 0.0;  ///< correlation with `partner`
   double of_record = 0.0;    ///< part of `sigma` by errors of recorded inputs
+  /// \brief Raises the standard deviation, and the interval with it.
+  /// \param to new standard deviation; a smaller one changes nothing.
+  void widen(double to);
   /// \brief Whether the recorded inputs limit the accuracy, not the events.
   /// \return true if about half of the variance or more is theirs.
   bool is_limited_by_record() const { return of_record > 0.7 * sigma || std::isinf(of_record); }
@@ -103,8 +110,7 @@ enum class Misfit {
   none,        ///< none
   scatter,     ///< times scatter by more than their jitter
   structured,  ///< residuals that should be the jitter depend on the path
-  prediction,  ///< the first four fifths do not predict the last fifth
-  start        ///< the motion at the start is far larger than on the path
+  prediction   ///< the first four fifths do not predict the last fifth
 };
 
 /// \brief The events cannot determine a parameter of the clock.
@@ -115,91 +121,28 @@ struct ClockAmbiguity {
   std::vector<std::string> equals;
 };
 
-/// \brief An event between two impacts whose recorded time is used as exact.
-///
-/// It is a bounce that is too close to another to be distinguished from it, a contact that closes
-/// at the end of a chatter, or contacts that open. An opening is where the force is zero, so its
-/// time matters to second order only.
-struct Passage {
-  double t = 0.0;          ///< [s]
-  int contact = -1;        ///< contact with an impact, from 0; -1: none
-  ContactSet staying = 0;  ///< contacts closed after it
-
-  /// \brief Compares all members.
-  friend bool operator==(const Passage&, const Passage&) = default;
-};
-
-/// \brief An impact of one contact.
-struct Impact {
-  double t = 0.0;         ///< [s]
+/// \brief Difference of a recorded time from the fit's.
+struct EventResidual {
+  double t = 0.0;         ///< recorded time [s]
   int contact = 0;        ///< from 0
-  bool timed = true;      ///< false: the impact has no event, and t is a guess
-  std::size_t event = 0;  ///< number of its event in the record
-  ContactSet held = 0;    ///< contacts closed before it
-  /// \brief Contacts closed after it; contains `contact` if it stays closed.
-  ContactSet staying = 0;
-  std::vector<Passage> passed = {};  ///< passages since the previous impact or the start
-
-  /// \brief Compares all members.
-  friend bool operator==(const Impact&, const Impact&) = default;
+  std::size_t event = 0;  ///< number in the record
+  double residual = 0.0;  ///< recorded minus fitted time [s]
+  /// \brief Standard deviation that the jitter gives the residual; 0: the fit follows the time
+  /// exactly [s].
+  double sigma = 0.0;
+  bool closes = true;  ///< a contact closes; false: it opens
 };
 
-/// \brief Consecutive impacts from an unknown state at `start`, which is not later than the first
-/// impact.
-struct Stretch {
-  double start = 0.0;           ///< [s]
-  std::vector<Impact> impacts;  ///< in order of time
-  /// \brief Contacts with zero gap and gap velocity at `start`, because they were closed until
-  /// then.
-  ContactSet closed = 0;
-  /// \brief Those of `closed` that stay closed.
-  ContactSet held = 0;
-
-  /// \brief Number of impacts.
-  /// \return the number.
-  std::size_t size() const { return impacts.size(); }
-  /// \brief Number of equations of `closed` for the start.
-  /// \return the number.
-  std::size_t of_start() const { return 2 * static_cast<std::size_t>(std::popcount(closed)); }
-  /// \brief Number of all equations.
-  /// \return the number.
-  std::size_t equations() const { return size() + of_start(); }
-
-  /// \brief Compares all members.
-  friend bool operator==(const Stretch&, const Stretch&) = default;
-};
-
-/// \brief Uninterrupted parts of a recording.
-using Stretches = std::vector<Stretch>;
-
-/// \brief A solution of the fit: values, path and covariance.
-struct Likelihood {
-  Eigen::VectorXd values;              ///< of all unknowns, P
-  std::vector<Eigen::VectorXd> x0;     ///< free part of the motion at each stretch's start, 2n
-  Stretches path;                      ///< with the true times
-  std::vector<Eigen::VectorXd> gamma;  ///< gap velocities before the impacts of each stretch
-  /// \brief Leverage of each impact's time: the share of its error that the solution absorbs, 0
-  /// to 1. (tau
-  /// - t) / (sigma sqrt(1 - leverage)) is standard normal if the model and sigma are right.
-  std::vector<Eigen::VectorXd> leverage;
-
-  bool converged = false;  ///< it is an optimum
-  double squares = 0.0;    ///< sum of (tau - t)^2 of timed impacts [s^2]
-  int timed = 0;           ///< number of timed impacts
-  int freedom = 0;         ///< timed impacts minus determined unknowns
-  /// \brief Largest start of a stretch, in units of the largest motion on the path.
-  double largest_start = 0.0;
-  double violation = 0.0;  ///< largest |g_k / gamma_k-| that the path leaves at its own times [s]
-  /// \brief Covariance in the unknowns' coordinates for a jitter of 1 s, P x P; 0 for an unknown
-  /// that is held or at a bound.
-  Eigen::MatrixXd covariance;
-  std::vector<bool> at_bound;  ///< of each unknown: the optimum is at an end of its range
-  /// \brief Covariance of each stretch's x0 for a jitter of 1 s.
-  std::vector<Eigen::MatrixXd> x0_covariance;
-
-  /// \brief Scatter of the times.
-  /// \return sqrt(squares / freedom) [s].
-  double scatter() const;
+/// \brief Departures from the model that an identification looks for besides the jitter.
+enum class Cause {
+  none,                  ///< none is significant
+  restitution_by_speed,  ///< the restitution depends on the impact's speed
+  restitution_scatter,   ///< the restitution scatters from impact to impact
+  drift,                 ///< the motion drifts from the model at random
+  restitution_by_time,   ///< the restitution changes steadily during the record
+  friction,              ///< each impact loses a constant speed
+  soft_stop,             ///< contacts last: a stop gives way
+  clock_rate             ///< the contact clock runs at another rate
 };
 
 /// \brief A gain, twice the rise of ln L, above this is significant. Without an error of the kind
@@ -229,11 +172,6 @@ struct RestitutionScatter {
   double jitter = 0.0;   ///< most likely jitter with this scatter [s]
   double gain = 0.0;     ///< twice the rise of ln L
   Eigen::VectorXd changes, sigmas;  ///< as DriftEstimate's
-  /// \brief Ljung and Box's statistic Q of the innovations with this scatter, as (Q - L) / sqrt(2
-  /// L) for L lags.
-  double correlation = 0.0;
-  /// \brief Mean square of the last fifth of the innovations, over that of the earlier ones.
-  double growth = 1.0;
 
   /// \brief A larger estimate is no scatter of the machine's restitution: the model is another one.
   static constexpr double largest = 0.03;
@@ -257,27 +195,18 @@ struct RestitutionTrend {
 
 /// \brief Other causes of scatter than the jitter of event times.
 struct Departure {
+  Cause cause = Cause::none;                  ///< the likeliest, if it is significant
   std::optional<DriftEstimate> drift;         ///< empty if the fit does not determine it
   std::optional<RestitutionScatter> scatter;  ///< empty if the restitution was not sought
-  std::optional<RestitutionTrend> trend;      ///< empty if the restitution was not sought
-  /// \brief The trend beside a significant drift or scatter, which its deviation includes; else
-  /// `trend`.
-  std::optional<RestitutionTrend> trend_beside;
-  /// \brief As RestitutionScatter::correlation, without any scatter.
-  double correlation = 0.0;
+  /// \brief Beside a significant drift or scatter; empty if the restitution was not sought.
+  std::optional<RestitutionTrend> trend;
 
-  /// \brief Whether a drift has the largest gain, and a significant one.
-  /// \return true if it has.
-  bool is_drift() const;
-  /// \brief Whether a scatter of the restitution has the largest gain, and a significant one.
-  /// \return true if it has.
-  bool is_scatter() const;
-  /// \brief Whether a trend of the restitution has the largest gain, and a significant one.
-  /// \return true if it has.
-  bool is_trend() const;
-  /// \brief Whether the residuals are neither white nor explained by a scattering restitution.
-  /// \return true if they are neither.
-  bool is_structured() const;
+  /// \brief Whether a drift is the likeliest cause.
+  /// \return true if it is.
+  bool is_drift() const { return cause == Cause::drift; }
+  /// \brief Whether a scatter of the restitution is the likeliest cause.
+  /// \return true if it is.
+  bool is_scatter() const { return cause == Cause::restitution_scatter; }
 };
 
 /// \brief Standard deviations by errors of the recorded inputs, in the unknowns' coordinates, P
@@ -337,18 +266,18 @@ struct Identification {
   /// \brief Typical error of predicting each impact of the last fifth from those before it, with
   /// the fit to the first four fifths; and the same error within the first four fifths [s].
   double predicted = 0.0, predicted_before = 0.0;
-  double first_squares = 0.0;  ///< sum of squares of the first four fifths alone [s^2]
-  int first_freedom = 0;       ///< degrees of freedom of the first four fifths
   State start, start_sigma;    ///< state at `start_t` and its standard deviations
   double start_t = 0.0;        ///< machine's time by the fitted clock [s]
   double begins = 0.0;         ///< begin of the recording, machine's time by the fitted clock [s]
   double inside_from = 0.0, inside_to = 0.0;  ///< for FitProblem::lost_or_spurious_events [s]
   std::vector<std::size_t> spurious;          ///< indices of spurious events
   std::vector<MissingImpact> missing;         ///< impacts without an event
-  Likelihood likelihood;       ///< the solution: path and covariance, for the stretches `measured`
-  Stretches measured;          ///< impacts with their measured times
-  Departure departure;         ///< other causes of scatter than jitter; included in the sigmas
-  RecordErrors record_errors;  ///< errors of the recorded inputs; included in the sigmas
+  /// \brief Covariance in the unknowns' coordinates, P x P; 0 for an unknown that is held or at a
+  /// bound.
+  Eigen::MatrixXd covariance;
+  std::vector<EventResidual> residuals;  ///< of the events used, in order of time
+  Departure departure;                   ///< other causes of scatter than jitter
+  RecordErrors record_errors;            ///< of the recorded inputs; included in the sigmas
   /// \brief Values of all unknowns at other minima that fit as well.
   std::vector<Eigen::VectorXd> others;
 

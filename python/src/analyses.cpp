@@ -64,11 +64,9 @@ const char* name_of(Misfit misfit) {
     case Misfit::structured:
       return "structured";
     case Misfit::prediction:
-      return "prediction";
-    case Misfit::start:
       break;
   }
-  return "start";
+  return "prediction";
 }
 
 struct EventRow {
@@ -320,8 +318,7 @@ void bind_identification(py::module_& module) {
           "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
       .def_property_readonly(
           "misfit", [](const Class& of) { return name_of(of.result.fit.misfit); },
-          "Evidence that the model is wrong: 'none', 'scatter', 'structured', 'prediction' or "
-          "'start'.")
+          "Evidence that the model is wrong: 'none', 'scatter', 'structured' or 'prediction'.")
       .def_property_readonly(
           "culprit",
           [](const Class& of) -> std::optional<std::string> {

@@ -86,15 +86,11 @@ SPRAG_MEMBERS(FittedUnknown, unknown, value, sigma, determined, low, high, at_bo
               correlation, of_record)
 SPRAG_MEMBERS(ClockAmbiguity, key, equals)
 SPRAG_MEMBERS(Combination, weights, sigma)
-SPRAG_MEMBERS(Passage, t, contact, staying)
-SPRAG_MEMBERS(Impact, t, contact, timed, event, held, staying, passed)
-SPRAG_MEMBERS(Stretch, start, impacts, closed, held)
-SPRAG_MEMBERS(Likelihood, values, x0, path, gamma, leverage, converged, squares, timed, freedom,
-              largest_start, violation, covariance, at_bound, x0_covariance)
+SPRAG_MEMBERS(EventResidual, t, contact, event, residual, sigma, closes)
 SPRAG_MEMBERS(DriftEstimate, drift, jitter, low, high, gain, changes, sigmas)
-SPRAG_MEMBERS(RestitutionScatter, scatter, jitter, gain, changes, sigmas, correlation, growth)
+SPRAG_MEMBERS(RestitutionScatter, scatter, jitter, gain, changes, sigmas)
 SPRAG_MEMBERS(RestitutionTrend, trend, sigma, chi2_without, chi2_with, gain)
-SPRAG_MEMBERS(Departure, drift, scatter, trend, trend_beside, correlation)
+SPRAG_MEMBERS(Departure, cause, drift, scatter, trend)
 SPRAG_MEMBERS(RecordErrors, noise, resolution, start, noise_scatter, resolution_scatter,
               other_scatter)
 SPRAG_MEMBERS(Explanation, keys, fit)
@@ -102,8 +98,8 @@ SPRAG_MEMBERS(Explanations, simplest)
 SPRAG_MEMBERS(Identification, problem, misfit, culprit, unknowns, ambiguities, combinations, fitted,
               jitter, jitter_given, scatter, chi2, largest_chi2, freedom, impacts, stretches,
               events, left_out, spurious_left_out, from, to, interval, predicted, predicted_before,
-              first_squares, first_freedom, start, start_sigma, start_t, begins, inside_from,
-              inside_to, spurious, missing, likelihood, measured, departure, record_errors, others)
+              start, start_sigma, start_t, begins, inside_from, inside_to, spurious, missing,
+              covariance, residuals, departure, record_errors, others)
 SPRAG_MEMBERS(IdentifyResult, scene, fit, accepted, asked_for_causes, causes, held, events)
 
 }  // namespace sprag

@@ -25,10 +25,10 @@ double share(Random& draw, double least) {
 
 // The scene that the observer receives.
 Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
-  const MachineFamily family(machine, trial.only.empty()
+  const SceneValues family(machine, trial.only.empty()
                                           ? unknowns_to_adapt(machine)
                                           : std::vector{unknown_of(machine, trial.only)});
-  Eigen::VectorXd values = family.nominal();
+  Eigen::VectorXd values = nominal_values(family.unknowns());
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const Unknown& unknown = family.unknowns()[k];
     double& value = values[static_cast<Eigen::Index>(k)];
@@ -89,13 +89,13 @@ class MovingMaster {
   double end(int piece) const { return trial_.duration * (piece + 1) / pieces(); }
 
   void next() {
-    Eigen::VectorXd values = family_.nominal();
+    Eigen::VectorXd values = nominal_values(family_.unknowns());
     for (std::size_t k = 0; k < trial_.moves.size(); ++k) {
       values[static_cast<Eigen::Index>(k)] *=
           1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
     }
     begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
-    master_.emplace(common::later(with(family_.scene(), family_.unknowns(), values).model, begin_),
+    master_.emplace(common::later(with(family_.nominal(), family_.unknowns(), values).model, begin_),
                     state_);
   }
 
@@ -105,7 +105,7 @@ class MovingMaster {
     for (std::size_t i = first; i < events.size(); ++i) events[i].t += begin_;
   }
 
-  MachineFamily family_;
+  SceneValues family_;
   const Trial& trial_;
   State state_;
   int piece_ = 0;
@@ -159,8 +159,8 @@ class Reports {
 
 // True values at the end, as the trial has moved them.
 Eigen::VectorXd final_values(const Scene& machine, const Trial& trial) {
-  const MachineFamily family(machine, unknowns_to_adapt(machine));
-  Eigen::VectorXd values = family.nominal();
+  const SceneValues family(machine, unknowns_to_adapt(machine));
+  Eigen::VectorXd values = nominal_values(family.unknowns());
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     for (const Move& move : trial.moves) {
       if (move.key == family.unknowns()[k].key) {

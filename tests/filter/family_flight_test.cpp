@@ -12,6 +12,7 @@
 #include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
 #include "sprag/detail/mechanics/master.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
@@ -274,7 +275,6 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
     const Scene scene = impacting_scene(random);
     std::vector<Unknown> unknowns = unknowns_of(scene);
     for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
-    for (Unknown& of_clock : clock_unknowns(scene)) unknowns.push_back(std::move(of_clock));
     // The exact flows have no negative damping.
     if (scene.model.C(0, 0) > 0.0) unknowns.push_back(unknown_of(scene, "system.C.1.1"));
     if (!scene.model.K.isZero(0.0)) {
@@ -297,8 +297,7 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
         };
         const auto neighbour = [&](double c) {
           const auto value = Eigen::VectorXd::Constant(1, unknown.value(c));
-          const Scene timed = MachineFamily(scene, {unknown}).as_timed(value);
-          ModelFlight of(std::make_shared<Flows>(timed.model));
+          ModelFlight of(std::make_shared<Flows>(with(scene, {unknown}, value).model));
           return end_of(of);
         };
         end_of(flight);

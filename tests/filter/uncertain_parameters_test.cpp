@@ -141,11 +141,11 @@ struct Drawn {
 
 Drawn draw(const Scene& scene, Random& random, double duration) {
   Drawn drawn;
-  const MachineFamily family(scene, unknowns_named(scene, scene.prior.parameters.keys));
+  const std::vector<Unknown> unknowns = unknowns_named(scene, scene.prior.parameters.keys);
   Eigen::VectorXd xi(scene.prior.parameters.size());
   for (double& x : xi) x = normal(random);
-  drawn.values = family.nominal() + scene.prior.parameters.root_of_covariance() * xi;
-  drawn.machine = with(scene, family.unknowns(), drawn.values);
+  drawn.values = nominal_values(unknowns) + scene.prior.parameters.root_of_covariance() * xi;
+  drawn.machine = with(scene, unknowns, drawn.values);
   const Eigen::Index f = scene.model.coordinates();
   drawn.h = duration / static_cast<double>(ticks);
   drawn.q.setZero(f, ticks + 1);
@@ -156,7 +156,7 @@ Drawn draw(const Scene& scene, Random& random, double duration) {
     master.state(tick_instant(k, drawn.h), drawn.q.col(k), drawn.u.col(k));
   }
   // Each contact's reports stay in order.
-  for (int contact = 0; contact < family.contacts(); ++contact) {
+  for (int contact = 0; contact < static_cast<int>(scene.model.contacts.size()); ++contact) {
     std::vector<double> times;
     for (ContactEvent& event : drawn.events) {
       if (event.contact == contact) {

@@ -24,15 +24,15 @@ using test::shipped_scene;
 
 Scene wrong_beam() {
   Scene scene = shipped_scene("paper_beam");
-  const MachineFamily family(scene, unknowns_to_adapt(scene));
-  Eigen::VectorXd values = family.nominal();
-  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
+  const std::vector<Unknown> unknowns = unknowns_to_adapt(scene);
+  Eigen::VectorXd values = nominal_values(unknowns);
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
     values[static_cast<Eigen::Index>(k)] +=
-        0.05 * family.unknowns()[k].slope(family.unknowns()[k].nominal);
+        0.05 * unknowns[k].slope(unknowns[k].nominal);
   }
   values[4] = 0.001;  // the clearance
   values[6] = 0.05;   // the phase
-  return with(scene, family.unknowns(), values);
+  return with(scene, unknowns, values);
 }
 
 // At t = 96.3 the contact chatters and stays closed for a while.

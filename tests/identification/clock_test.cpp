@@ -6,7 +6,6 @@
 #include <random>
 
 #include "sprag/detail/identification/explanations.h"
-#include "sprag/detail/identification/machine_family.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/scene_with.h"
@@ -117,56 +116,6 @@ Identification fit(const Scene& scene, const std::vector<ContactEvent>& events,
   settings.unknowns = unknowns_named(scene, keys);
   settings.jitter = jitter;
   return identify(scene, events, settings);
-}
-
-// The machine of a family in the time of the events, by a master of its own.
-TEST(Clock, MachineInTheTimeOfTheEventsHasTheirTimes) {
-  const double rate = 1.003;
-  for (Scene scene : {shipped_scene("paper_beam"), shipped_scene("two_stops_beam"),
-                      shipped_scene("lab_rig"), table_ball(), rattle(), two_masses()}) {
-    const std::vector<ContactEvent> expected =
-        by_clock(impacts_of(scene, 3.0), {.offset = 0.0, .rate = rate});
-    ASSERT_GT(expected.size(), 3U) << scene.name;
-    const MachineFamily family(scene, unknowns_named(scene, {"clock.rate"}));
-    Scene timed = family.as_timed(Eigen::VectorXd::Constant(1, rate));
-    timed.truth.start.u /= rate;
-    const std::vector<ContactEvent> events = events_of(timed, expected.back().t);
-    ASSERT_GE(events.size() + 1, expected.size()) << scene.name;
-    for (std::size_t k = 0; k < std::min(events.size(), expected.size()); ++k) {
-      ASSERT_NEAR(events[k].t, expected[k].t, 1e-8) << scene.name << ' ' << k;
-    }
-  }
-}
-
-TEST(Clock, FamilyAndItsMachineInTheTimeOfTheEventsAgree) {
-  for (Scene scene : {shipped_scene("paper_beam"), shipped_scene("lab_rig"),
-                      shipped_scene("non_proportional"), table_ball(), rattle(), two_masses()}) {
-    scene.clock = {.offset = 2.0, .rate = 1.1};
-    const MachineFamily family(scene, unknowns_named(scene, {"clock.rate", "clock.offset"}));
-    const Eigen::VectorXd values = Eigen::Vector2d(1.15, 2.03);
-    const MachineFamily alone(family.as_timed(values), {});
-    const Machine a = family.at(values), b = alone.at(alone.nominal());
-    const Eigen::VectorXd x = family.inputs(values), y = alone.inputs(alone.nominal());
-    EXPECT_LT((a.C - b.C).norm(), 1e-13 * (1.0 + b.C.norm())) << scene.name;
-    EXPECT_LT((a.K - b.K).norm(), 1e-11 * (1.0 + b.K.norm())) << scene.name;
-    EXPECT_LT((a.jump - b.jump).norm(), 1e-11 * b.jump.norm()) << scene.name;
-    EXPECT_LT((a.frequencies - b.frequencies).norm(), 1e-13 * b.frequencies.norm());
-    for (Eigen::Index g = 0; g < a.groups(); ++g) {
-      const std::complex<double> of_a(x[2 * g], x[2 * g + 1]), of_b(y[2 * g], y[2 * g + 1]);
-      EXPECT_LT((a.gap_response.col(g) * of_a - b.gap_response.col(g) * of_b).norm(),
-                1e-11 * (b.gap_response.col(g) * of_b).norm())
-          << scene.name;
-    }
-    for (Eigen::Index j = 0; j < a.constant_forces.cols(); ++j) {
-      const Eigen::Index i = 2 * a.groups() + j;
-      EXPECT_LT((a.constant_forces.col(j) * x[i] - b.constant_forces.col(j) * y[i]).norm(), 1e-12);
-    }
-    // In the scene of the result the machine is as before, and the clock is another.
-    const Scene result = with(scene, family.unknowns(), values);
-    EXPECT_EQ(result.clock, (ContactClock{.offset = 2.03, .rate = 1.15}));
-    EXPECT_EQ(result.model.forces.size(), scene.model.forces.size());
-    EXPECT_LT((result.model.K - scene.model.K).norm(), 1e-12 * scene.model.K.norm() + 1e-300);
-  }
 }
 
 // By the claimed sigma, with the start and other parameters unknown as well.

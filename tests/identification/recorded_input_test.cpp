@@ -9,8 +9,6 @@
 #include <numbers>
 #include <random>
 
-#include "sprag/detail/identification/free_flight.h"
-#include "sprag/detail/identification/recorded_response.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"

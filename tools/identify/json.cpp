@@ -55,22 +55,12 @@ nlohmann::ordered_json residuals_of(const Identification& fit) {
   using Json = nlohmann::ordered_json;
   Json t = Json::array(), contact = Json::array(), residual = Json::array(),
        deviation = Json::array();
-  const Likelihood& solution = fit.likelihood;
-  const std::size_t stretches = std::min(fit.measured.size(), solution.path.size());
-  for (std::size_t s = 0; s < stretches; ++s) {
-    const std::vector<Impact>& measured = fit.measured[s].impacts;
-    const std::vector<Impact>& path = solution.path[s].impacts;
-    for (std::size_t k = 0; k < std::min(measured.size(), path.size()); ++k) {
-      if (!measured[k].timed) continue;
-      t.push_back(measured[k].t);
-      contact.push_back(measured[k].contact + 1);
-      residual.push_back(measured[k].t - path[k].t);
-      const bool known = s < solution.leverage.size() &&
-                         static_cast<Eigen::Index>(k) < solution.leverage[s].size();
-      const double left = known ? 1.0 - solution.leverage[s][static_cast<Eigen::Index>(k)] : 0.0;
-      const double sigma = left > 0.0 ? fit.jitter * std::sqrt(left) : 0.0;
-      deviation.push_back(sigma > 0.0 ? Json(sigma) : Json(nullptr));
-    }
+  for (const EventResidual& of : fit.residuals) {
+    if (!of.closes) continue;
+    t.push_back(of.t);
+    contact.push_back(of.contact + 1);
+    residual.push_back(of.residual);
+    deviation.push_back(of.sigma > 0.0 ? Json(of.sigma) : Json(nullptr));
   }
   return {{"t", t}, {"contact", contact}, {"residual", residual}, {"sigma", deviation}};
 }
@@ -107,6 +97,7 @@ void add_repairs(const IdentifyResult& result, nlohmann::ordered_json& object) {
 }
 
 void write_departure(const Departure& error, nlohmann::ordered_json& object) {
+  object["cause"] = name_of(error.cause);
   object["drift"] = nullptr;
   if (error.drift) {
     const DriftEstimate& drift = *error.drift;
@@ -121,7 +112,7 @@ void write_departure(const Departure& error, nlohmann::ordered_json& object) {
                                      {"jitter", error.scatter->jitter}};
   }
   object["restitution_trend"] = nullptr;
-  if (const auto& trend = error.trend_beside) {
+  if (const auto& trend = error.trend) {
     object["restitution_trend"] = {{"found", trend->found()},
                                    {"value", trend->trend},
                                    {"sigma", trend->sigma},

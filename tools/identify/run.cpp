@@ -84,7 +84,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
       write_scene(run, text, scene, result.fit);
     } else {
       note_unwritten(run.output,
-                     run.accept ? "--accept takes only a wrong model" : "the events do not fit");
+                     run.accept ? "--accept takes a wrong model, not values that are not unique" : "the events do not fit");
     }
   }
   if (!recorded.whole) return exit_failed;

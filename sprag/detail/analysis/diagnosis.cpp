@@ -4,10 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include "sprag/detail/identification/machine_family.h"
-#include "sprag/detail/identification/maximum_likelihood.h"
-#include "sprag/detail/identification/projection.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 
@@ -69,14 +67,24 @@ std::vector<Unknown> single_causes(const Scene& scene) {
 
 // Whether the parameter alone sets the scale of the motion, so that events cannot determine it.
 bool is_the_scale(const Scene& scene, const Unknown& unknown) {
-  const MachineFamily family(scene, {unknown});
-  return carries_scale(unknown) && Projection(family).homogeneous();
+  if (!carries_scale(unknown)) return false;
+  if (unknown.kind != Unknown::Kind::gain) return is_homogeneous(with(scene, unknown, 0.0).model);
+  Model without = scene.model;
+  const RecordedInput record = recorded_inputs(scene)[static_cast<std::size_t>(unknown.index)];
+  replace_input(record, nullptr, without);
+  return is_homogeneous(without);
 }
 
 std::string rate_ambiguity(const Scene& scene) {
   const Unknown rate = unknown_of(scene, "clock.rate");
   const std::optional<ClockAmbiguity> ambiguity = clock_ambiguity(scene, {rate}, rate);
   return ambiguity ? to_text(*ambiguity) : std::string();
+}
+
+// Whether one path follows nearly all events.
+bool follows(const Identification& fit) {
+  return fit.converged() && fit.problem != FitProblem::events_left_out &&
+         fit.problem != FitProblem::lost_or_spurious_events;
 }
 
 class Judge {
@@ -89,37 +97,49 @@ class Judge {
     settings_.closed = beginning.closed;
   }
 
-  /// A fit with or without repairs of the events. Empty if it has no minimum, or if there are too
-  /// few events.
+  /// The path of the machine as it is, with the widest scatter if there is none. Empty if there are
+  /// too few events.
+  std::optional<Identification> nominal() {
+    std::optional<Identification> fit = identified({}, false);
+    if (fit && !follows(*fit)) fit->scatter = widest * fit->interval;
+    return fit;
+  }
+
+  /// A fit with or without repairs of the events. Empty if no path follows them, or if there are
+  /// too few.
   std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) {
+    std::optional<Identification> fit = identified(std::move(unknowns), mend);
+    return fit && follows(*fit) ? std::move(fit) : std::nullopt;
+  }
+
+ private:
+  std::optional<Identification> identified(std::vector<Unknown> unknowns, bool mend) {
     settings_.unknowns = std::move(unknowns);
     settings_.mend = mend;
     try {
-      Identification fit = identify(scene_, events_, settings_);
-      if (!fit.converged()) return std::nullopt;
-      return fit;
+      return identify(scene_, events_, settings_);
     } catch (const TooFewImpacts&) {
       return std::nullopt;
     }
   }
 
- private:
   const Scene& scene_;
   std::span<const ContactEvent> events_;
   IdentificationSettings settings_;
 };
+
+double squares_of(const Identification& fit) { return fit.scatter * fit.scatter * fit.freedom; }
 
 double scatter_of(const Identification& fit, double resolved) {
   return std::clamp(fit.scatter, resolved, std::max(widest * fit.interval, resolved));
 }
 
 double misfit_of(const Identification& fit, double scatter) {
-  return fit.likelihood.squares / (scatter * scatter * std::max(fit.freedom, 1));
+  return squares_of(fit) / (scatter * scatter * std::max(fit.freedom, 1));
 }
 
 bool fits(const Identification& fit, double resolved) {
-  return fit.problem != FitProblem::lost_or_spurious_events &&
-         misfit_of(fit, resolved) <= largest_misfit(fit.freedom);
+  return follows(fit) && misfit_of(fit, resolved) <= largest_misfit(fit.freedom);
 }
 
 double explained(double before, double left, double jitter) {
@@ -134,8 +154,7 @@ Candidate candidate_of(const Unknown& parameter, const std::optional<Identificat
   candidate.parameter = parameter;
   candidate.value = parameter.nominal;
   candidate.scatter = diagnosis.scatter;
-  const bool is_path = fit && fit->problem != FitProblem::lost_or_spurious_events;
-  if (!is_path || !fit->unknowns.front().determined) return candidate;
+  if (!fit || !fit->unknowns.front().determined) return candidate;
   const FittedUnknown& of = fit->unknowns.front();
   const double scatter = scatter_of(*fit, diagnosis.resolved);
   const auto J = [&](const Identification& of_fit, double s) {
@@ -145,24 +164,16 @@ Candidate candidate_of(const Unknown& parameter, const std::optional<Identificat
   candidate.determined = of.sigma > 0.0 && gain > -significant_gain;
   if (!candidate.determined) return candidate;
   candidate.value = of.value;
-  candidate.deviation = of.sigma * scatter / std::max(fit->jitter, fit->scatter);
+  const double of_times =
+      std::sqrt(std::max(of.sigma * of.sigma - of.of_record * of.of_record, 0.0));
+  candidate.deviation =
+      std::hypot(of_times * scatter / std::max(fit->jitter, fit->scatter), of.of_record);
   candidate.scatter = scatter;
   candidate.gain = gain;
   candidate.fits = fits(*fit, diagnosis.resolved);
   candidate.sensitivity = scatter / (candidate.deviation * std::sqrt(1.0 * fit->impacts));
   candidate.explained = explained(diagnosis.scatter, scatter, diagnosis.resolved);
   return candidate;
-}
-
-// Reduction of the sum of squares of a single unknown's fit by a second unknown that starts at its
-// nominal value.
-double squares_lost(const Scene& scene, const Identification& first, const Unknown& second) {
-  const MachineFamily family(scene, {first.unknowns.front().unknown, second});
-  Likelihood start = first.likelihood;
-  start.values = Eigen::Vector2d(first.likelihood.values[0], second.nominal);
-  const Likelihood both = maximize_likelihood(family, first.measured, std::move(start));
-  if (!both.values.allFinite() || !both.converged) return 0.0;
-  return first.likelihood.squares - both.squares;
 }
 
 }  // namespace
@@ -205,7 +216,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
                   std::to_string(least_more_closings) + " more");
   }
   Judge judge(scene, events, jitter, beginning);
-  const std::optional<Identification> nominal = judge.fit({});
+  const std::optional<Identification> nominal = judge.nominal();
   if (!nominal) throw too_few("not enough of them are in a row for this machine's state");
   Diagnosis diagnosis;
   diagnosis.scene = scene.name;
@@ -215,8 +226,8 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   diagnosis.jitter = jitter;
   // Errors of a recorded input move the events as well.
   const double of_events = std::hypot(jitter, nominal->record_errors.scatter());
-  diagnosis.resolved = std::max({of_events, exact * nominal->interval, scene.model.chatter_time});
-  diagnosis.closings = nominal->impacts;
+  diagnosis.resolved = std::max(of_events, exact * nominal->interval);
+  diagnosis.closings = closings;
   diagnosis.unsure = closings_of(events, 2);
   diagnosis.misfit = misfit_of(*nominal, diagnosis.resolved);
   diagnosis.largest_misfit = largest_misfit(nominal->freedom);
@@ -265,8 +276,10 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     const bool same = second.kind == best->parameter.kind &&
                       (second.index < 0 || second.index == best->parameter.index);
     if (same) continue;
-    const double squares = squares_lost(scene, *found.front().fit, second);
-    if (squares > gain_of_second * of_events * of_events) {
+    const auto both = judge.fit({best->parameter, second});
+    if (!both) continue;
+    const double gain = squares_of(*found.front().fit) - squares_of(*both);
+    if (gain > gain_of_second * of_events * of_events) {
       diagnosis.candidates.front().improved_by = second.key;
       break;
     }

@@ -77,7 +77,7 @@ SceneFilter::SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows)
 }
 
 SceneFilter::SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior)
-    : family(std::make_unique<MachineFamily>(scene, unknowns)),
+    : family(std::make_unique<SceneValues>(scene, unknowns)),
       flight(std::make_unique<FamilyFlight>(scene, std::move(unknowns))),
       filter(*flight, model_of(scene, *flight, from_prior)),
       keys(keys_of(family->unknowns())) {

@@ -11,7 +11,7 @@
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/filter/belief_pool.h"
 #include "sprag/detail/filter/event_filter.h"
-#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/scene.h"
@@ -58,7 +58,7 @@ struct SceneFilter {
   /// in that square root. Allocates.
   Eigen::MatrixXd belief(double t, const FilterBelief& of, Belief& belief);
 
-  std::unique_ptr<MachineFamily> family;  ///< null if no parameter is uncertain
+  std::unique_ptr<SceneValues> family;  ///< null if no parameter is uncertain
   std::unique_ptr<Flight> flight;
   EventFilter filter;
   std::shared_ptr<const std::vector<std::string>> keys;  ///< of the parameters

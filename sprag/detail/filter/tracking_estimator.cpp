@@ -550,7 +550,7 @@ Confidence TrackingEstimator::no_confidence() const {
   confidence.sigma_outputs.setConstant(filter_->outputs.cols(), infinity);
   if (!filter_->family) return confidence;
   confidence.parameters.keys = filter_->keys;
-  confidence.parameters.values = filter_->family->nominal();
+  confidence.parameters.values = nominal_values(filter_->family->unknowns());
   confidence.parameters.sigmas.setConstant(confidence.parameters.values.size(), infinity);
   return confidence;
 }
@@ -617,7 +617,7 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
     from.S_u.rightCols(from.columns - known) = drift.bottomRows(f);
   }
   if (!filter_->family) return predictor.predict(t, state.chi, from, ahead);
-  const MachineFamily& family = *filter_->family;
+  const SceneValues& family = *filter_->family;
   const Eigen::Index P = S_c.rows();
   const Eigen::VectorXd c = state.belief->z.tail(P);
   return predictor.predict(t, state.chi, from, ahead, [&](const Eigen::VectorXd& xi) {
@@ -626,7 +626,7 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
     for (Eigen::Index k = 0; k < P; ++k) {
       values[k] = family.unknowns()[static_cast<std::size_t>(k)].value(at[k]);
     }
-    return std::make_shared<const Flows>(with(family.scene(), family.unknowns(), values).model);
+    return std::make_shared<const Flows>(with(family.nominal(), family.unknowns(), values).model);
   });
 }
 

@@ -139,7 +139,7 @@ class TrackingEstimator {
   /// if the result is not accepted or not accurate enough; then only counts it. Does not allocate.
   bool adopt(const AdaptationResult& result, TrackingState& state);
   /// The family to identify with (run() in task.h); null if nothing is identified.
-  const MachineFamily* family() const { return identifies() ? filter_->family.get() : nullptr; }
+  const SceneValues* family() const { return identifies() ? filter_->family.get() : nullptr; }
 
   /// Whether the estimates rest on a replica of the scene's machine.
   bool has_replica() const { return !identifies() && kind_ != EstimatorKind::timing; }

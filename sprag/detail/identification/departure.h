@@ -1,29 +1,29 @@
-// Model mismatch of a machine, besides the jitter of its event times. Three kinds are
-// distinguished, each by its gain of the restricted likelihood (linearized_filter.h): a *drift*,
-// the process noise of the timing filter; a *scatter of the restitution* from impact to impact; and
-// a *trend of the restitution* with the impact's speed.
+// Departures of a machine from its model, besides the jitter of its event times: the causes of
+// sprag/identification.h. To first order about a fit, most are one more unknown each, which gains
+// twice the rise of ln L. A drift is the process noise of the timing filter, a scatter of the
+// restitution a noise of each impact; these gain by the restricted likelihood.
 #pragma once
 
-#include <Eigen/Core>
-#include <cstddef>
 #include <vector>
 
+#include "sprag/detail/identification/gauss_newton.h"
 #include "sprag/identification.h"
 
 namespace sprag {
 
-/// (Q - L) / sqrt(2 L) of the test of Ljung & Box (1978) with L = min(16, n / 4) lags, for the n
-/// innovations from number `first` on. About standard normal if they are white.
-double correlation_of(const std::vector<double>& innovations, std::size_t first);
+/// What the departures of a fit are judged by.
+struct DepartureScale {
+  double jitter = 0.0;  ///< standard deviation of the times: as given, or the fit's scatter [s]
+  bool given = false;
+  double interval = 0.0;  ///< usual time between events [s]
+};
 
-/// Mean square of the last fifth of these innovations, over that of the others from `first` on.
-double growth_of(const std::vector<double>& innovations, std::size_t first);
+/// Estimates the departures of a fit, accepted or not. Those of a restitution only if the
+/// restitution was sought.
+Departure estimate_departure(const Scene& scene, const std::vector<Unknown>& unknowns,
+                             GaussNewton& solver, const EventFit& fit, const DepartureScale& scale);
 
-/// Estimates the departures of a fit that has a minimum, accepted or not. Those of a restitution
-/// only if the restitution was sought.
-Departure estimate_departure(const Scene& scene, const Identification& fit);
-
-/// Includes a significant drift or scatter in the standard deviations of the unknowns.
-void include(const Departure& departure, Identification& fit);
+/// Includes a likely drift or scatter in the standard deviations of the unknowns.
+void include(const Departure& departure, Identification& result);
 
 }  // namespace sprag

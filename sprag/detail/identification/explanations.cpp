@@ -24,7 +24,7 @@ bool follows_clock(const Unknown& unknown, const Unknown& of_clock) {
 // Wald's test: whether the parameters that are not sought are far from nominal, by their
 // covariance.
 bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
-                 const std::vector<std::size_t>& sought, double jitter) {
+                 const std::vector<std::size_t>& sought) {
   constexpr double contradiction = 1e4;  // of chi^2; far beyond the error of the linearization
   std::vector<Eigen::Index> others;
   for (std::size_t k = 0; k < fit.unknowns.size(); ++k) {
@@ -37,7 +37,7 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
              (is_of_clock(all[j]) && follows_clock(fitted.unknown, all[j]));
     });
     const auto i = static_cast<Eigen::Index>(k);
-    const bool known = fitted.determined && fit.likelihood.covariance(i, i) > 0.0;
+    const bool known = fitted.determined && fit.covariance(i, i) > 0.0;
     if (!is_sought && known) others.push_back(i);
   }
   if (others.empty()) return false;
@@ -46,9 +46,8 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
     const FittedUnknown& fitted = fit.unknowns[static_cast<std::size_t>(others[j])];
     off[static_cast<Eigen::Index>(j)] = fitted.unknown.coordinate(fitted.value);
   }
-  const CholeskyFactor covariance(fit.likelihood.covariance(others, others));
-  return covariance.exists() &&
-         covariance.solve_L(off).squaredNorm() > contradiction * square(jitter);
+  const CholeskyFactor covariance(fit.covariance(others, others));
+  return covariance.exists() && covariance.solve_L(off).squaredNorm() > contradiction;
 }
 
 // The events as the fit used them. Lost ones have the times of the fit and are listed in `guessed`.
@@ -76,7 +75,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   const std::vector<ContactEvent> used = used_events(events, all_fitted, of.guessed);
   const std::vector<Unknown>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {
-    if (contradicts(all_fitted, all, sought, std::max(jitter, all_fitted.jitter))) return;
+    if (contradicts(all_fitted, all, sought)) return;
     of.unknowns.clear();
     Explanation explanation;
     for (const std::size_t k : sought) {

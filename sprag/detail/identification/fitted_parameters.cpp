@@ -5,7 +5,6 @@
 #include <limits>
 #include <stdexcept>
 
-#include "sprag/detail/identification/departure.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/parameters/unknowns.h"
 
@@ -39,7 +38,7 @@ double correlation_of_pair(const Eigen::MatrixXd& covariance, Eigen::Index i, Ei
 
 Eigen::MatrixXd correlation_of(const Identification& fit, const std::vector<std::size_t>& numbers) {
   const auto n = std::ssize(numbers);
-  const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
+  const Eigen::MatrixXd& covariance = fit.covariance;
   Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(n, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j < i; ++j) {
@@ -85,7 +84,7 @@ ParameterUncertainty fitted_parameters(const Identification& fit,
 }
 
 Eigen::MatrixXd correlations(const Identification& fit) {
-  const Eigen::MatrixXd& covariance = fit.likelihood.covariance;
+  const Eigen::MatrixXd& covariance = fit.covariance;
   const auto P = std::ssize(fit.unknowns);
   const auto n = std::min(P, covariance.rows());
   Eigen::MatrixXd all = Eigen::MatrixXd::Constant(P, P, std::numeric_limits<double>::quiet_NaN());

@@ -79,11 +79,11 @@ Scene fitted_scene(const Scene& scene, const Identification& fit) {
   }
   double jitter = fit.fits() ? fit.jitter : std::max(fit.jitter, fit.scatter);
   const Departure& departure = fit.departure;
-  if (departure.drift && (departure.is_drift() || departure.is_scatter())) {
-    fitted.prior.drift = departure.drift->drift;
-    jitter = departure.drift->jitter;
-  } else if (departure.drift) {
-    fitted.prior.drift = departure.drift->high;
+  // The scatter about a model that does not fit is taken as its jitter.
+  if (departure.drift && fit.fits()) {
+    const bool drifts = departure.is_drift() || departure.is_scatter();
+    fitted.prior.drift = drifts ? departure.drift->drift : departure.drift->high;
+    if (drifts) jitter = departure.drift->jitter;
   }
   // A jitter below the resolution of times counts as none.
   fitted.prior.jitter = jitter > 1e-9 * fit.interval ? jitter : 0.0;

@@ -15,29 +15,29 @@ namespace {
 // units of the unknown's range.
 constexpr double wide_state = 3.0, wide_share = 2.0;
 
-// x at the start of a stretch. The path stores its free part only.
-Eigen::VectorXd start_of(const MachineFamily& family, const Likelihood& path, std::size_t s) {
-  const Machine machine = family.at(path.values);
-  const Eigen::VectorXd inputs = family.inputs(path.values);
-  const Eigen::Index n = family.n();
-  Eigen::VectorXd x = path.x0[s];
-  add_driven_motion(machine, inputs, path.path[s].start, x.head(n), x.tail(n));
-  return x;
+// Passes an event of a path: x is the state before the flight, and on return that after the event.
+void pass(const FitEvent& event, double tau, FamilyFlight& flight, Eigen::VectorXd& x,
+          ContactSet& held) {
+  flight.fly(x, event.t, tau, held);
+  if (event.impact()) flight.strike(event.contact, event.kind == ContactEventKind::closes, held);
+  x = flight.x();
+  held = after(held, {event.t, event.contact, event.kind});
 }
 
 // Largest |x| on the path, by entry.
-Eigen::VectorXd largest(const MachineFamily& family, FamilyFlight& flight, const Likelihood& path,
-                        const Eigen::VectorXd& c) {
-  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(2 * family.n());
-  flight.set(c, true);
-  for (std::size_t s = 0; s < path.path.size(); ++s) {
-    Eigen::VectorXd x = start_of(family, path, s);
-    double t = path.path[s].start;
-    for (const Impact& impact : path.path[s].impacts) {
-      flight.fly(x, t, impact.t - t, 0);
-      flight.strike(impact.contact, false, 0);
-      x = flight.x();
-      t = impact.t;
+Eigen::VectorXd largest(FamilyFlight& flight, const EventFit& fit) {
+  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(2 * flight.n());
+  flight.set(fit.point.c, false);
+  for (std::size_t s = 0; s < fit.stretches.size(); ++s) {
+    Eigen::VectorXd x = fit.point.starts[s];
+    double t = fit.stretches[s].start;
+    ContactSet held = fit.stretches[s].held;
+    for (std::size_t k = 0; k < fit.stretches[s].size(); ++k) {
+      FitEvent event = fit.stretches[s].events[k];
+      const double when = fit.point.times[s][k];
+      event.t = t;
+      pass(event, when - t, flight, x, held);
+      t = when;
       sizes = sizes.cwiseMax(x.cwiseAbs());
     }
   }
@@ -92,34 +92,50 @@ void take(int contact, double t, double when, LinearizedFlight& at, Eigen::Vecto
 
 }  // namespace
 
-FilterBelief path_posterior(const MachineFamily& family, const FilterModel& model,
-                            const Likelihood& path, const Stretches& measured, double sigma) {
-  FamilyFlight flight(family.scene(), family.unknowns());
+FilterBelief path_posterior(const SceneValues& family, const FilterModel& model,
+                            const EventFit& fit, double sigma) {
+  FamilyFlight flight(family.nominal(), family.unknowns());
   EventFilter filter(flight, model);
   LinearizedFlight at(flight, filter.model());
-  const std::vector<Unknown>& all = family.unknowns();
-  const Eigen::Index n2 = 2 * family.n();
+  const Eigen::Index n2 = 2 * flight.n();
+  const Eigen::VectorXd& c = fit.point.c;
   FilterBelief belief = filter.no_belief();
-  Eigen::VectorXd c(at.unknowns());
   for (Eigen::Index k = 0; k < c.size(); ++k) {
-    const Unknown& unknown = all[static_cast<std::size_t>(k)];
-    c[k] = unknown.coordinate(path.values[k]);
+    const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
     belief.S(n2 + k, n2 + k) = unknown.logarithmic ? wide_share * unknown.within : 1.0;
   }
   belief.z.tail(c.size()) = c;
-  belief.t = path.path.front().start;
-  const Eigen::MatrixXd wide = (wide_state * largest(family, flight, path, c)).asDiagonal();
+  belief.t = fit.stretches.front().start;
+  const Eigen::MatrixXd wide = (wide_state * largest(flight, fit)).asDiagonal();
   Eigen::VectorXd on(at.size());
-  for (std::size_t s = 0; s < path.path.size(); ++s) {
-    const Stretch& stretch = path.path[s];
-    on << start_of(family, path, s), c;
-    belief.sigma = sigma;
-    filter.restart(stretch.start, on.head(n2), wide, 0, belief);
+  for (std::size_t s = 0; s < fit.stretches.size(); ++s) {
+    const FitStretch& stretch = fit.stretches[s];
+    on << fit.point.starts[s], c;
+    double t = stretch.start;
+    ContactSet held = stretch.held;
+    const auto restart = [&] {
+      belief.sigma = sigma;
+      filter.restart(t, on.head(n2), wide, 0, belief);
+    };
+    if (held == 0) restart();
     for (std::size_t k = 0; k < stretch.size(); ++k) {
-      const Impact& impact = stretch.impacts[k];
-      // The time of a missed impact is a guess, with the flight's duration as its deviation.
-      belief.sigma = impact.timed ? sigma : impact.t - belief.t;
-      take(impact.contact, measured[s].impacts[k].t, impact.t, at, on, belief);
+      const FitEvent& event = stretch.events[k];
+      const double when = fit.point.times[s][k];
+      if (held == 0 && event.kind == ContactEventKind::pulse) {
+        // The time of a lost impact is a guess, with the flight's duration as its deviation.
+        belief.sigma = event.timed ? sigma : when - belief.t;
+        take(event.contact, event.t, when, at, on, belief);
+        t = when;
+        continue;
+      }
+      FitEvent passed = event;
+      passed.t = t;
+      Eigen::VectorXd x = on.head(n2);
+      flight.set(c, false);
+      pass(passed, when - t, flight, x, held);
+      on.head(n2) = x;
+      t = when;
+      if (held == 0) restart();
     }
   }
   belief.sigma = sigma;

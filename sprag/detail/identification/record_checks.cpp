@@ -21,16 +21,6 @@ std::vector<double> closings_of(std::span<const ContactEvent> events) {
 
 }  // namespace
 
-int distinct_closings(std::span<const ContactEvent> events, double nearest) {
-  double last = -std::numeric_limits<double>::infinity();
-  int distinct = 0;
-  for (const double t : closings_of(events)) {
-    if (t - last > nearest) ++distinct;
-    last = t;
-  }
-  return distinct;
-}
-
 bool is_periodic(std::span<const ContactEvent> events, double jitter) {
   constexpr std::size_t longest = 4;
   constexpr double in_jitters = 2.0, usual = 1e-3, largest = 1e-2, rounding = 1e-9;

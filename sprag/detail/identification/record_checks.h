@@ -8,10 +8,6 @@
 
 namespace sprag {
 
-/// Number of events at which a contact closes. Those within `nearest` [s] of the previous one count
-/// as one.
-int distinct_closings(std::span<const ContactEvent> events, double nearest);
-
 /// Whether the closings repeat after at most four of them, within twice the jitter [s], 0 if
 /// unknown. Such a record determines the few times of one period and nothing else.
 bool is_periodic(std::span<const ContactEvent> events, double jitter);

@@ -10,6 +10,7 @@
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {
@@ -44,14 +45,13 @@ std::optional<SampledInput> thinned(const SampledInput& input) {
 }
 
 // The record moved away from itself at half of the sampling rate by its estimated error.
-// `times` that error, for a fit that does not converge under all of it.
-SampledInputPointer coarser(const SampledInputPointer& input, double times) {
+SampledInputPointer coarser(const SampledInputPointer& input) {
   const std::optional<SampledInput> half = thinned(*input);
   if (!half) return input;
   const SampledInput::Settings& settings = input->settings();
   // The acceleration of a displacement's spline has the order 2.
   const bool fourth = settings.interpolation == Interpolation::spline && !settings.displacement;
-  const double share = times * (fourth ? 1.0 / 15.0 : 1.0 / 3.0);
+  const double share = fourth ? 1.0 / 15.0 : 1.0 / 3.0;
   const std::vector<double>& t = input->sample_times();
   std::vector<double> errors(t.size(), 0.0);
   for (std::size_t k = 1; k + 1 < t.size(); k += 2) {
@@ -71,59 +71,52 @@ SampledInputPointer interpolated_otherwise(const SampledInputPointer& input) {
 }
 
 struct Refit {
-  Likelihood solution;
+  EventFit fit;
   Eigen::VectorXd changes;  // of the unknowns' coordinates
   State start;              // change of the start
 };
 
 class RecordTrials {
  public:
-  RecordTrials(const MachineFamily& family, const Stretches& stretches, const Likelihood& optimum,
-               std::span<const std::size_t> held)
-      : family_(family),
-        stretches_(stretches),
-        optimum_(optimum),
-        held_(held),
-        start_(state_at_start(family, optimum)) {}
+  RecordTrials(const Scene& scene, const std::vector<Unknown>& unknowns, bool strictly_within,
+               const EventFit& optimum)
+      : scene_(&scene),
+        unknowns_(&unknowns),
+        strictly_within_(strictly_within),
+        optimum_(&optimum) {
+    GaussNewton solver(scene, unknowns, strictly_within);
+    start_ = state_at_start(solver.flight(), optimum);
+  }
 
-  // Empty if the fit with these records does not converge.
-  std::optional<Refit> with(const ChangeRecord& change) const {
+  // To first order.
+  Refit with(const ChangeRecord& change) const {
     check_interrupt();
-    const MachineFamily family(with_records(family_.scene(), change), family_.unknowns());
-    Refit refit;
-    refit.solution = maximize_likelihood(family, stretches_, optimum_, held_);
-    if (!refit.solution.converged || !refit.solution.values.allFinite()) return std::nullopt;
-    const std::vector<Unknown>& unknowns = family_.unknowns();
-    refit.changes.resize(optimum_.values.size());
-    for (std::size_t k = 0; k < unknowns.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      refit.changes[i] = unknowns[k].coordinate(refit.solution.values[i]) -
-                         unknowns[k].coordinate(optimum_.values[i]);
-    }
-    const State start = state_at_start(family, refit.solution);
+    GaussNewton solver(with_records(*scene_, change), *unknowns_, strictly_within_);
+    Refit refit{.fit = solver.stepped(*optimum_), .changes = {}, .start = {}};
+    refit.changes = refit.fit.point.c - optimum_->point.c;
+    const State start = state_at_start(solver.flight(), refit.fit);
     refit.start = {start.q - start_.q, start.u - start_.u};
     return refit;
   }
 
   // Scatter of the times by the change of the records, if it causes `share` of the added squares.
   double scatter_of(double squares, double share) const {
-    const double added = std::max(squares - optimum_.squares, 0.0);
-    return std::sqrt(share * added / std::max(1, optimum_.freedom));
+    return std::sqrt(share * std::max(squares - optimum_->squares, 0.0) / optimum_->freedom);
   }
 
  private:
-  const MachineFamily& family_;
-  const Stretches& stretches_;
-  const Likelihood& optimum_;
-  std::span<const std::size_t> held_;
+  const Scene* scene_;
+  const std::vector<Unknown>* unknowns_;
+  bool strictly_within_;
+  const EventFit* optimum_;
   State start_;
 };
 
-void add_noise(const MachineFamily& family, const RecordTrials& trials, RecordErrors& errors) {
+void add_noise(const Scene& scene, const RecordTrials& trials, RecordErrors& errors) {
   // The standard deviation of a result is then known within 15 %.
   constexpr int draws = 24;
   constexpr std::uint64_t seed = 1;
-  const std::vector<RecordedInput>& records = family.records();
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
   const bool noisy = std::any_of(records.begin(), records.end(), [](const RecordedInput& record) {
     return record.input->noise() > 0.0;
   });
@@ -133,59 +126,43 @@ void add_noise(const MachineFamily& family, const RecordTrials& trials, RecordEr
   Eigen::VectorXd squares = Eigen::VectorXd::Zero(errors.noise.size());
   State start{errors.start.q.cwiseAbs2(), errors.start.u.cwiseAbs2()};
   double of_times = 0.0;
-  int done = 0;
   for (int draw = 0; draw < draws; ++draw) {
-    const auto refit = trials.with([&](const SampledInputPointer& input) {
+    const Refit refit = trials.with([&](const SampledInputPointer& input) {
       std::vector<double> of_samples(input->sample_values().size());
       for (double& error : of_samples) error = input->settings().noise * normal(engine);
       return std::make_shared<const SampledInput>(with_errors(*input, of_samples));
     });
-    if (!refit) continue;
-    ++done;
-    squares += refit->changes.cwiseAbs2();
-    start.q += refit->start.q.cwiseAbs2() / draws;
-    start.u += refit->start.u.cwiseAbs2() / draws;
-    of_times += square(trials.scatter_of(refit->solution.squares, 1.0));
+    squares += refit.changes.cwiseAbs2() / draws;
+    start.q += refit.start.q.cwiseAbs2() / draws;
+    start.u += refit.start.u.cwiseAbs2() / draws;
+    of_times += square(trials.scatter_of(refit.fit.squares, 1.0)) / draws;
   }
-  // Fits that do not converge under this noise determine nothing.
-  if (2 * done < draws) {
-    errors.noise.setConstant(infinity);
-    return;
-  }
-  errors.noise = (squares / done).cwiseSqrt();
+  errors.noise = squares.cwiseSqrt();
   errors.start = {start.q.cwiseSqrt(), start.u.cwiseSqrt()};
-  errors.noise_scatter = std::sqrt(of_times / done);
+  errors.noise_scatter = std::sqrt(of_times);
 }
 
-void add_resolution(const Likelihood& optimum, double sigma, const RecordTrials& trials,
+void add_resolution(const EventFit& optimum, double sigma, const RecordTrials& trials,
                     RecordErrors& errors) {
-  const auto add = [&](const Refit& refit, double factor) {
-    errors.resolution = errors.resolution.cwiseMax(factor * refit.changes.cwiseAbs());
-    errors.start.q = errors.start.q.cwiseMax(factor * refit.start.q.cwiseAbs());
-    errors.start.u = errors.start.u.cwiseMax(factor * refit.start.u.cwiseAbs());
+  const auto add = [&](const Refit& refit) {
+    errors.resolution = errors.resolution.cwiseMax(refit.changes.cwiseAbs());
+    errors.start.q = errors.start.q.cwiseMax(refit.start.q.cwiseAbs());
+    errors.start.u = errors.start.u.cwiseMax(refit.start.u.cwiseAbs());
   };
-  bool done = false;
-  for (const double times : {1.0, 0.25, 0.0625}) {
-    const auto refit =
-        trials.with([&](const SampledInputPointer& input) { return coarser(input, times); });
-    if (!refit) continue;
-    add(*refit, 1.0 / times);
-    // The change adds to an error of 1 / times the size: (1 + times)^2 times the squares.
-    errors.resolution_scatter =
-        trials.scatter_of(refit->solution.squares, 1.0 / (times * (2.0 + times)));
-    done = true;
-    break;
-  }
-  if (!done) errors.resolution.setConstant(infinity);
+  const Refit of_coarser = trials.with(coarser);
+  add(of_coarser);
+  // The change adds to an error of its own size: 4 times the squares.
+  errors.resolution_scatter = trials.scatter_of(of_coarser.fit.squares, 1.0 / 3.0);
   // In standard deviations: the events rule out an interpolation whose fit is worse by that.
   constexpr double ruled_out = 4.0, far_smaller = 0.5;
-  const auto other = trials.with(interpolated_otherwise);
-  if (!other) return;
-  if (other->solution.squares - optimum.squares > square(ruled_out * sigma)) return;
-  add(*other, 1.0);
-  if (other->solution.scatter() < far_smaller * optimum.scatter()) {
-    errors.other_scatter = other->solution.scatter();
-    errors.resolution_scatter = std::max(errors.resolution_scatter, optimum.scatter());
+  const Refit other = trials.with(interpolated_otherwise);
+  if (other.fit.squares - optimum.squares > square(ruled_out * sigma)) return;
+  add(other);
+  const double scatter = std::sqrt(optimum.variance());
+  const double other_scatter = std::sqrt(other.fit.variance());
+  if (other_scatter < far_smaller * scatter) {
+    errors.other_scatter = other_scatter;
+    errors.resolution_scatter = std::max(errors.resolution_scatter, scatter);
   }
 }
 
@@ -196,27 +173,24 @@ double RecordErrors::of(std::size_t k) const {
   return empty() ? 0.0 : std::hypot(noise[i], resolution[i]);
 }
 
-State state_at_start(const MachineFamily& family, const Likelihood& solution) {
-  const Machine machine = family.at(solution.values);
-  const Eigen::VectorXd inputs = family.inputs(solution.values);
-  const Eigen::Index n = family.n();
-  const double t = solution.path.front().start;
-  Eigen::VectorXd y = solution.x0.front().head(n), u = solution.x0.front().tail(n);
-  add_driven_motion(machine, inputs, t, y, u);
-  return {family.V() * y, family.V() * u};
+State state_at_start(FamilyFlight& flight, const EventFit& fit) {
+  flight.set(fit.point.c, false);
+  State start{Eigen::VectorXd(flight.n()), Eigen::VectorXd(flight.n())};
+  flight.state(fit.point.starts.front(), fit.stretches.front().start, start.q, start.u);
+  return start;
 }
 
-RecordErrors estimate_record_errors(const MachineFamily& family, const Stretches& stretches,
-                                    const Likelihood& optimum, std::span<const std::size_t> held,
-                                    double sigma) {
+RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Unknown>& unknowns,
+                                    bool strictly_within, const EventFit& optimum, double sigma) {
   RecordErrors errors;
-  if (family.records().empty()) return errors;
-  errors.noise.setZero(optimum.values.size());
-  errors.resolution.setZero(optimum.values.size());
-  errors.start = {Eigen::VectorXd::Zero(family.n()), Eigen::VectorXd::Zero(family.n())};
-  const RecordTrials trials(family, stretches, optimum, held);
+  if (recorded_inputs(scene).empty()) return errors;
+  errors.noise.setZero(optimum.point.c.size());
+  errors.resolution.setZero(optimum.point.c.size());
+  const Eigen::Index n = scene.model.coordinates();
+  errors.start = {Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  const RecordTrials trials(scene, unknowns, strictly_within, optimum);
   add_resolution(optimum, sigma, trials, errors);
-  add_noise(family, trials, errors);
+  add_noise(scene, trials, errors);
   return errors;
 }
 

@@ -7,22 +7,18 @@
 // * interpolation: the record with the other interpolation, unless the events rule it out.
 #pragma once
 
-#include <Eigen/Core>
-#include <span>
 #include <vector>
 
-#include "sprag/detail/identification/maximum_likelihood.h"
-#include "sprag/model.h"
+#include "sprag/detail/identification/gauss_newton.h"
+#include "sprag/identification.h"
 
 namespace sprag {
 
-/// The state (q, u) at the start of the first stretch.
-State state_at_start(const MachineFamily& family, const Likelihood& solution);
+/// The state (q, u) at the first start of a fit.
+State state_at_start(FamilyFlight& flight, const EventFit& fit);
 
-/// `optimum` is the fit of `stretches` with the unknowns `held`; `sigma` is the standard deviation
-/// of event times [s].
-RecordErrors estimate_record_errors(const MachineFamily& family, const Stretches& stretches,
-                                    const Likelihood& optimum, std::span<const std::size_t> held,
-                                    double sigma);
+/// `sigma`: standard deviation of event times [s].
+RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Unknown>& unknowns,
+                                    bool strictly_within, const EventFit& optimum, double sigma);
 
 }  // namespace sprag

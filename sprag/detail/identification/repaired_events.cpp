@@ -8,17 +8,11 @@ namespace {
 
 // For each event: whether its time is far from the fit's.
 std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
-  constexpr double far = 4.0, no_say = 0.95;
+  constexpr double far = 4.0;
   std::vector<bool> suspects(events, false);
-  const double sigma = std::max(fit.jitter, fit.scatter);
-  for (std::size_t s = 0; s < fit.measured.size(); ++s) {
-    for (std::size_t k = 0; k < fit.measured[s].size(); ++k) {
-      const Impact& impact = fit.measured[s].impacts[k];
-      const double leverage = fit.likelihood.leverage[s][static_cast<Eigen::Index>(k)];
-      if (!impact.timed || leverage > no_say || impact.event >= events) continue;
-      const double off = std::abs(fit.likelihood.path[s].impacts[k].t - impact.t);
-      suspects[impact.event] = off > far * sigma * std::sqrt(1.0 - leverage);
-    }
+  for (const EventResidual& of : fit.residuals) {
+    if (of.event >= events || !(of.sigma > 0.0)) continue;
+    suspects[of.event] = std::abs(of.residual) > far * of.sigma;
   }
   return suspects;
 }

@@ -87,6 +87,7 @@ IdentifyResult identify_requested(const Scene& scene, std::span<const ContactEve
   settings.unknowns = sought(scene, request);
   settings.jitter = request.jitter;
   if (!request.jitter && scene.prior.jitter > 0.0) settings.jitter = scene.prior.jitter;
+  settings.approximate = request.accept;
   IdentifyResult result;
   result.scene = scene.name;
   result.events.assign(events.begin(), events.end());
@@ -99,9 +100,10 @@ IdentifyResult identify_requested(const Scene& scene, std::span<const ContactEve
     result.causes = explain(scene, events, of_causes, result.fit.jitter, result.fit);
     result.asked_for_causes = true;
   }
-  const Misfit misfit = result.fit.misfit;
-  result.accepted = request.accept && (misfit == Misfit::scatter || misfit == Misfit::structured ||
-                                       (misfit == Misfit::prediction && drifts(result)));
+  const FitProblem problem = result.fit.problem;
+  result.accepted = request.accept &&
+                    (problem == FitProblem::wrong_model || problem == FitProblem::events_left_out ||
+                     problem == FitProblem::lost_or_spurious_events);
   return result;
 }
 

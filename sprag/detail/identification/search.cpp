@@ -2,387 +2,872 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numeric>
 
 #include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
+using Eigen::Index;
+using Eigen::VectorXd;
 
-// Steps of the grid, in coordinates of the unknowns: the largest from which a refinement between
-// two points converges to the nearer minimum (measured on the paper's beam with 22 impacts).
-constexpr double widest_of_stiffness = 0.05, widest_of_position = 0.04;
-// [rad]: phase that a step of the stiffness changes in a usual flight.
-constexpr double turn_of_fastest = 2.0;
-constexpr double part_of_wave = 0.31;  // of the shortest wave: step of a position
-// [rad]: phase that a step of a frequency changes at the last impact.
-constexpr double step_of_phase = 0.8;
-// [rad] of a record's mean frequency. A record also has faster content.
-constexpr double step_of_delay = 0.4;
-constexpr double most_points = 30000.0;
-constexpr std::size_t kept = 6;
-constexpr double growth = 1.5;
+// Events of the first window beyond the unknowns.
+constexpr std::size_t spare = 8;
+constexpr std::size_t least_spare = 4;
+// Points of the design over the ranges, for one parameter and at most.
+constexpr std::size_t points_of_one = 64, most_points = 1200, points_of_split = 150;
+constexpr std::size_t kept_candidates = 12, refined_candidates = 4;
+// Largest scatter of the times, in usual intervals.
+constexpr double largest_scatter = 0.02;
+// Largest velocity from inside at an impact, in typical speeds.
+constexpr double from_inside = 0.02;
+constexpr double rounding_of_times = 1e-13;
+// Events that a new piece may skip; impacts in a row that may be lost, and between two pieces.
+constexpr std::size_t most_skipped = 3, most_lost = 2, most_lost_between = 8;
+// Events after a change that must agree, if the record has them, and at least.
+constexpr std::size_t ahead = 4, least_ahead = 2;
+// Price of a change beyond twice the logarithm of the number of events.
+constexpr double price_of_change = 4.0;
+// Explanations with changes that are compared, and windows with two starts that are tried.
+constexpr std::size_t most_finished = 3, most_splits = 30;
+// Explanations of too few events after which no more are tried.
+constexpr std::size_t most_failed = 4;
+// Logarithm of a chance that is none.
+constexpr double certain = 25.0;
+// Events by which a window must grow before it explains the rest of the record.
+constexpr std::size_t grown_by = 4;
+constexpr int most_rounds = 6;
+constexpr int iterations = 40;
+// An impact of the path has an event if its speed is above this share of the typical one.
+constexpr double least_speed = 0.03;
+// Share of the events that an explanation must span.
+constexpr double enough_spanned = 0.9;
 
-struct Axis {
-  std::size_t unknown = 0;
-  double step = 0.0;
-  int to_low = 0, to_high = 0;  // points to either side of the nominal one
-};
-
-double step_of_stiffness(const MachineFamily& family, double interval) {
-  const Machine machine = family.at(family.nominal());
-  double fastest = 0.0;
-  for (Eigen::Index i = 0; i < machine.n(); ++i) {
-    const Eigen::Index column = machine.modal ? 0 : i;
-    // A mode that decays within a flight does not determine its phase.
-    constexpr double gone = 3.0;
-    if (0.5 * machine.C(i, column) * interval > gone) continue;
-    fastest = std::max(fastest, std::sqrt(std::max(machine.K(i, column), 0.0)));
+FitPoint recorded_point(const std::vector<FitStretch>& parts, const GaussNewton::Held& held) {
+  FitPoint point{held.c, held.starts, {}};
+  for (const FitStretch& part : parts) {
+    point.times.emplace_back();
+    for (const FitEvent& event : part.events) point.times.back().push_back(event.t);
   }
-  return std::min(widest_of_stiffness,
-                  turn_of_fastest / std::max(fastest * interval, turn_of_fastest));
+  return point;
 }
 
-double step_of_position(const MachineFamily& family) {
-  return std::min(widest_of_position, part_of_wave / wavenumber(family.scene().beam->modes));
+}  // namespace
+
+FitSearch::FitSearch(GaussNewton& solver, const FitRecord& record, std::optional<double> jitter,
+                     bool changes, double neglected)
+    : solver_(&solver),
+      record_(&record),
+      jitter_(jitter),
+      changes_(changes),
+      neglected_(neglected),
+      floor_(rounding_of_times * record.end) {
+  if (jitter_) jitter_ = std::max(*jitter_, floor_);
+  solver_->resolve(jitter_.value_or(negligible_scatter * record.interval));
 }
 
-// Largest frequency of the harmonics that the unknown changes.
-double fastest_of(const MachineFamily& family, const Unknown& unknown) {
-  double fastest = 0.0;
-  for (std::size_t g = 0; g < family.groups().size(); ++g) {
-    if (unknown.index >= 0 && unknown.index != static_cast<int>(g)) continue;
-    fastest = std::max(fastest, family.groups()[g].frequency);
+double FitSearch::sigma(double rms) const { return jitter_.value_or(std::max(rms, floor_)); }
+
+double FitSearch::variance(const EventFit& fit) const {
+  return jitter_ ? square(*jitter_) : std::max(fit.variance(), square(floor_));
+}
+
+// Variance of the times in the decisions of the search.
+double FitSearch::tolerated(const EventFit& fit) const {
+  return std::max(variance(fit), square(neglected_ * record_->interval));
+}
+
+// An additive recurrence of low discrepancy over the ranges, after the nominal values.
+std::vector<VectorXd> FitSearch::design(std::size_t count) const {
+  const Index P = solver_->parameters();
+  std::vector<VectorXd> points{VectorXd::Zero(P)};
+  points.insert(points.end(), starts_.begin(), starts_.end());
+  if (P == 0) return points;
+  double root = 1.5;  // of root^(P + 1) = root + 1
+  for (int i = 0; i < 60; ++i) root = std::pow(1.0 + root, 1.0 / static_cast<double>(P + 1));
+  for (std::size_t i = 1; i <= count; ++i) {
+    VectorXd c(P);
+    for (Index k = 0; k < P; ++k) {
+      const double share =
+          0.5 + static_cast<double>(i) * std::pow(root, -static_cast<double>(k + 1));
+      const bool bounded = std::isfinite(solver_->low()[k]);
+      const double low = bounded ? std::max(solver_->low()[k], -1.1 * solver_->scale()[k]) : -3.14;
+      const double high = bounded ? std::min(solver_->high()[k], 1.1 * solver_->scale()[k]) : 3.14;
+      c[k] = low + (high - low) * (share - std::floor(share));
+    }
+    points.push_back(std::move(c));
   }
-  return fastest;
+  return points;
 }
 
-// A rate changes all harmonics and the stiffness, by its square.
-double step_of_clock_rate(const MachineFamily& family, double duration, double interval) {
-  double step = 0.5 * step_of_stiffness(family, interval);
-  for (const HarmonicGroup& group : family.groups()) {
-    step = std::min(step, step_of_phase / (group.frequency * duration));
+// Cuts of the record that no change explains.
+std::size_t FitSearch::unexplained(const Chain& chain) const {
+  std::size_t cuts = 0;
+  for (std::size_t i = 0; i < record_->stretches.size(); ++i) {
+    const auto pieces = std::count_if(chain.pieces.begin(), chain.pieces.end(),
+                                      [&](const Piece& piece) { return piece.stretch == i; });
+    if (pieces > 1) cuts += static_cast<std::size_t>(pieces) - 1;
+    if (pieces == 0) continue;
+    std::size_t low = record_->stretches[i].size(), high = 0;
+    for (const Piece& piece : chain.pieces) {
+      if (piece.stretch != i) continue;
+      low = std::min(low, piece.low);
+      high = std::max(high, piece.high);
+    }
+    if (low > most_skipped) ++cuts;
+    if (record_->stretches[i].size() - high > most_skipped) ++cuts;
   }
-  return step;
+  return cuts;
 }
 
-std::vector<Axis> axes_of(const MachineFamily& family, double duration, double interval,
-                          double refinement) {
-  std::vector<Axis> axes;
-  const std::vector<Unknown>& unknowns = family.unknowns();
-  for (std::size_t k = 0; k < unknowns.size(); ++k) {
-    const Unknown& unknown = unknowns[k];
-    Axis axis{.unknown = k};
-    if (unknown.kind == Kind::stiffness || unknown.kind == Kind::stiffness_entry) {
-      axis.step = step_of_stiffness(family, interval);
-    } else if (unknown.kind == Kind::position) {
-      axis.step = step_of_position(family);
-    } else if (unknown.kind == Kind::frequency) {
-      axis.step = step_of_phase / (fastest_of(family, unknown) * duration);
-    } else if (unknown.kind == Kind::clock_rate) {
-      axis.step = step_of_clock_rate(family, duration, interval);
-    } else if (unknown.kind == Kind::clock_offset) {
-      axis.step = step_of_phase / (fastest_of(family, unknown) * unknown.unit_step);
-    } else if (unknown.kind == Kind::delay) {
-      axis.step = step_of_delay;
-    } else {
+std::vector<FitStretch> Chain::parts() const {
+  std::vector<FitStretch> all;
+  for (const Piece& piece : pieces) all.push_back(piece.part);
+  return all;
+}
+
+std::size_t Chain::spanned() const {
+  std::size_t events = 0;
+  for (const Piece& piece : pieces) events += piece.high - piece.low;
+  return events;
+}
+
+std::size_t FitSearch::shortest() const { return static_cast<std::size_t>(2 * solver_->n()) + 4; }
+
+std::size_t FitSearch::usable() const {
+  std::size_t events = 0;
+  for (const FitStretch& stretch : record_->stretches) {
+    if (stretch.size() >= shortest()) events += stretch.size();
+  }
+  return std::max(events, record_->stretches.front().size());
+}
+
+// Fits parts that differ little from those of a fit, from its point, and from the recorded times
+// where this fails.
+std::optional<EventFit> FitSearch::refit(std::vector<FitStretch> parts, const EventFit& from) {
+  const GaussNewton::Held held = solver_->hold(parts, from.point.c, 6);
+  const bool holds = held.rms < 2.0 * largest_scatter * record_->interval;
+  FitPoint recorded = recorded_point(parts, held);
+  FitPoint near = recorded;
+  near.c = from.point.c;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    for (std::size_t j = 0; j < from.stretches.size(); ++j) {
+      const FitStretch& known = from.stretches[j];
+      if (known.start == parts[i].start && known.held == parts[i].held)
+        near.starts[i] = from.point.starts[j];
+      std::size_t k = 0;
+      for (std::size_t l = 0; l < parts[i].size(); ++l) {
+        const double t = parts[i].events[l].t;
+        while (k < known.size() && known.events[k].t < t) ++k;
+        if (k < known.size() && known.events[k].t == t) near.times[i][l] = from.point.times[j][k];
+      }
+    }
+  }
+  const double of_times = sigma(holds ? held.rms : std::sqrt(from.variance()));
+  EventFit warm = solver_->refine(parts, std::move(near), of_times, iterations);
+  if (!warm.stretches.empty() && warm.converged && plausible(warm)) return warm;
+  if (holds) {
+    EventFit cold = solver_->refine(std::move(parts), std::move(recorded), of_times, iterations);
+    const bool better = !cold.stretches.empty() && !(warm.cost < cold.cost);
+    if (warm.stretches.empty() || better) warm = std::move(cold);
+  }
+  if (warm.stretches.empty()) return std::nullopt;
+  return warm;
+}
+
+// So many events agree so well that it is no chance.
+bool FitSearch::is_certain(const EventFit& fit) const {
+  return fit.freedom * std::log(record_->interval / std::sqrt(tolerated(fit))) > certain;
+}
+
+// No impact comes from inside, and the scatter is small.
+bool FitSearch::plausible(const EventFit& fit) const {
+  for (std::size_t i = 0; i < fit.stretches.size(); ++i) {
+    double typical = 0.0;
+    std::size_t impacts = 0;
+    const FitStretch& stretch = fit.stretches[i];
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      if (!stretch.events[k].impact()) continue;
+      typical += std::abs(fit.velocities[i][k]);
+      ++impacts;
+    }
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      const double of = fit.velocities[i][k];
+      const FitEvent& event = stretch.events[k];
+      const bool counts = event.impact() && event.informs;
+      if (counts && of * static_cast<double>(impacts) > from_inside * typical) return false;
+    }
+  }
+  const double most = jitter_ ? std::max(*jitter_, negligible_scatter * record_->interval)
+                              : std::max(largest_scatter, 2.0 * neglected_) * record_->interval;
+  return fit.variance() < square(most) * (1.0 + six * std::sqrt(2.0 / fit.freedom));
+}
+
+bool FitSearch::agrees(const EventFit& wider, const EventFit& fit, double added) const {
+  const double n = std::max(added, 1.0);
+  double most = n + six * std::sqrt(2.0 * n) + six;
+  if (!jitter_) most *= 1.0 + six * std::sqrt(2.0 / fit.freedom);
+  return plausible(wider) && (wider.squares - fit.squares) / tolerated(fit) < most;
+}
+
+std::vector<Chain> FitSearch::candidates(const std::vector<Piece>& pieces) {
+  std::vector<FitStretch> parts;
+  for (const Piece& piece : pieces) parts.push_back(piece.part);
+  const Index P = solver_->parameters();
+  std::size_t count = P == 0 ? 0 : points_of_one;
+  const std::size_t most = pieces.size() > 1 ? points_of_split : most_points;
+  for (Index k = 1; k < P; ++k) count = std::min(most, 4 * count);
+  std::vector<GaussNewton::Held> best;
+  for (const VectorXd& c : design(count)) {
+    best.push_back(solver_->project(parts, c));
+    if (!std::isfinite(best.back().score)) best.back().score = infinity;
+  }
+  // The nominal values and the given starts are kept.
+  const std::size_t given = 1 + starts_.size();
+  std::stable_sort(best.begin() + static_cast<std::ptrdiff_t>(given), best.end(),
+                   [](const auto& a, const auto& b) { return a.score < b.score; });
+  best.resize(std::min(best.size(), kept_candidates + given));
+  for (GaussNewton::Held& held : best) held = solver_->hold(parts, held.c, 25);
+  std::stable_sort(best.begin(), best.end(),
+                   [](const auto& a, const auto& b) { return a.score < b.score; });
+  std::vector<Chain> chains;
+  std::vector<VectorXd> seen;
+  const double worst =
+      std::max(30.0 * jitter_.value_or(0.0), 2.0 * largest_scatter * record_->interval);
+  for (const GaussNewton::Held& held : best) {
+    if (!(held.rms < worst) || seen.size() == refined_candidates) break;
+    const auto near = [&](const VectorXd& other) {
+      return P == 0 ||
+             (held.c - other).cwiseQuotient(solver_->scale()).cwiseAbs().maxCoeff() < 1e-3;
+    };
+    if (std::any_of(seen.begin(), seen.end(), near)) continue;
+    seen.push_back(held.c);
+    EventFit fit = solver_->refine(parts, recorded_point(parts, held), sigma(held.rms), iterations);
+    if (fit.stretches.empty() || !plausible(fit)) continue;
+    const auto same = [&](const Chain& other) { return near(other.fit.point.c) && P > 0; };
+    if (std::any_of(chains.begin(), chains.end(), same)) continue;
+    chains.push_back({pieces, std::move(fit), {}});
+  }
+  return chains;
+}
+
+// Replaces a piece if the events that this adds agree.
+bool FitSearch::replace(Chain& chain, std::size_t piece, Piece by, double added) {
+  std::vector<FitStretch> parts = chain.parts();
+  parts[piece] = by.part;
+  std::optional<EventFit> wider = refit(std::move(parts), chain.fit);
+  if (!wider || !agrees(*wider, chain.fit, added)) return false;
+  chain.pieces[piece] = std::move(by);
+  chain.fit = std::move(*wider);
+  return true;
+}
+
+// Extends a piece by as many events as agree, down to one at a time.
+void FitSearch::grow(Chain& chain, std::size_t piece, bool forwards, bool repairs) {
+  const FitStretch& stretch = record_->stretches[chain.pieces[piece].stretch];
+  for (;;) {
+    const Piece& now = chain.pieces[piece];
+    std::size_t room = forwards ? stretch.size() - now.high : now.low;
+    for (std::size_t i = 0; i < chain.pieces.size(); ++i) {
+      const Piece& other = chain.pieces[i];
+      if (i == piece || other.stretch != now.stretch) continue;
+      if (forwards && other.low >= now.high) room = std::min(room, other.low - now.high);
+      if (!forwards && other.high <= now.low) room = std::min(room, now.low - other.high);
+    }
+    std::size_t d = std::min(room, std::max<std::size_t>(1, (now.high - now.low) / 2));
+    for (; d >= 1; d /= 2) {
+      Piece wider{
+          now.stretch, forwards ? now.low : now.low - d, forwards ? now.high + d : now.high, {}};
+      if (forwards) {
+        wider.part = now.part;
+        const auto more = std::span(stretch.events).subspan(now.high, d);
+        wider.part.events.insert(wider.part.events.end(), more.begin(), more.end());
+      } else {
+        wider.part = stretch.part(wider.low, now.low);
+        wider.part.events.insert(wider.part.events.end(), now.part.events.begin(),
+                                 now.part.events.end());
+      }
+      if (replace(chain, piece, std::move(wider), static_cast<double>(d))) break;
+    }
+    if (d > 0) continue;
+    const double most = largest_share_changed * static_cast<double>(record_->events);
+    if (!repairs || !changes_ || room == 0 ||
+        static_cast<double>(chain.changes.size()) >= std::max(1.0, most))
+      return;
+    if (!repair(chain, piece, forwards)) return;
+  }
+}
+
+// Adds a piece with a start of its own if its events agree.
+bool FitSearch::begin_piece(Chain& chain, std::size_t stretch, std::size_t low, std::size_t high,
+                            bool forwards) {
+  Piece piece{stretch, low, high, record_->stretches[stretch].part(low, high)};
+  if (!piece.part.events.front().impact() && piece.part.held == 0) return false;
+  std::vector<FitStretch> parts = chain.parts();
+  parts.push_back(piece.part);
+  std::optional<EventFit> wider = refit(std::move(parts), chain.fit);
+  const double added = static_cast<double>(high - low) - static_cast<double>(2 * solver_->n());
+  if (!wider || !agrees(*wider, chain.fit, added)) return false;
+  chain.pieces.push_back(std::move(piece));
+  chain.fit = std::move(*wider);
+  grow(chain, chain.pieces.size() - 1, forwards, true);
+  return true;
+}
+
+// Explains the events from `from` to `to` - 1 of a stretch by further pieces.
+void FitSearch::continue_in(Chain& chain, std::size_t stretch, std::size_t from, std::size_t to,
+                            bool forwards) {
+  for (std::size_t skipped = 0; skipped <= most_skipped;) {
+    const std::size_t size = std::min(shortest(), to - from);
+    if (size + 1 < shortest() || size < skipped + shortest() - 1) return;
+    const std::size_t low =
+        forwards ? from + skipped : to - skipped - std::min(size, to - from - skipped);
+    const std::size_t high = forwards ? std::min(low + size, to) : to - skipped;
+    if (!begin_piece(chain, stretch, low, high, forwards)) {
+      ++skipped;
       continue;
     }
-    axis.step *= refinement;
-    // The nominal value may differ by `within` of the true one, in either direction.
-    const bool is_time = unknown.kind == Kind::clock_offset || unknown.kind == Kind::delay;
-    const double radius =
-        is_time ? unknown.highest() : -std::log1p(-std::min(unknown.within, 0.9)) + 0.3 * axis.step;
-    axis.to_low = static_cast<int>(std::ceil(std::min(radius, -unknown.lowest()) / axis.step));
-    axis.to_high = static_cast<int>(std::ceil(std::min(radius, unknown.highest()) / axis.step));
-    axes.push_back(axis);
+    skipped = 0;
+    (forwards ? from : to) = forwards ? chain.pieces.back().high : chain.pieces.back().low;
   }
-  // Frequencies vary fastest, so results that do not depend on them are computed once for all.
-  std::stable_partition(axes.begin(), axes.end(), [&](const Axis& axis) {
-    return unknowns[axis.unknown].kind != Kind::frequency;
-  });
-  double points = 1.0;
-  for (const Axis& axis : axes) points *= axis.to_low + axis.to_high + 1;
-  if (points > most_points) {
-    const double wider = std::pow(points / most_points, 1.0 / static_cast<double>(axes.size()));
-    for (Axis& axis : axes) {
-      axis.step *= wider;
-      axis.to_low = static_cast<int>(std::ceil(axis.to_low / wider));
-      axis.to_high = static_cast<int>(std::ceil(axis.to_high / wider));
+}
+
+void FitSearch::complete(Chain& chain) {
+  grow(chain, chain.pieces.size() - 1, true, true);
+  grow(chain, 0, false, true);
+  const std::size_t own = chain.pieces.front().stretch;
+  std::size_t low = chain.pieces.front().low, high = 0;
+  for (const Piece& piece : chain.pieces) {
+    low = std::min(low, piece.low);
+    high = std::max(high, piece.high);
+  }
+  continue_in(chain, own, high, record_->stretches[own].size(), true);
+  continue_in(chain, own, 0, low, false);
+  for (std::size_t i = 0; i < record_->stretches.size(); ++i) {
+    if (i != own) continue_in(chain, i, 0, record_->stretches[i].size(), true);
+  }
+}
+
+// Impacts of the path after the first `events` of a piece that precede `next`. Empty: the path
+// does not come to `next`.
+std::optional<std::vector<FitEvent>> FitSearch::lost_events(const Chain& chain, std::size_t piece,
+                                                            std::size_t events,
+                                                            const FitEvent& next,
+                                                            std::size_t most) {
+  FamilyFlight& flight = solver_->flight();
+  flight.set(chain.fit.point.c, false);
+  const FitStretch& part = chain.pieces[piece].part;
+  VectorXd x = chain.fit.point.starts[piece];
+  double t = part.start;
+  ContactSet held = part.held;
+  const auto pass = [&](int contact, ContactEventKind kind, double time) {
+    flight.fly(x, t, time - t, held);
+    if (kind != ContactEventKind::opens)
+      flight.strike(contact, kind == ContactEventKind::closes, held);
+    x = flight.x();
+    held = after(held, {time, contact, kind});
+    t = time;
+  };
+  for (std::size_t k = 0; k < events; ++k) {
+    pass(part.events[k].contact, part.events[k].kind, chain.fit.point.times[piece][k]);
+  }
+  std::vector<FitEvent> lost;
+  const double tolerance = beside_event * std::min(record_->interval, next.t - t);
+  while (lost.size() <= most) {
+    if (!flight.can_hold(held)) return std::nullopt;
+    const std::optional<FitEvent> first = next_impact(x, t, next.t + tolerance, held);
+    if (!first || first->t > next.t) return lost;
+    if (first->contact == next.contact && first->t > next.t - tolerance) return lost;
+    lost.push_back(*first);
+    pass(first->contact, first->kind, first->t);
+  }
+  return std::nullopt;
+}
+
+// The first impact of the free path between t and `until`, which may be earlier.
+std::optional<FitEvent> FitSearch::next_impact(const VectorXd& x, double t, double until,
+                                               ContactSet held) {
+  FamilyFlight& flight = solver_->flight();
+  constexpr int steps = 400;
+  const double h = (until - t) / steps;
+  std::vector<double> last(static_cast<std::size_t>(flight.contacts()), -1.0);
+  for (int i = 1; i <= steps; ++i) {
+    flight.fly(x, t, i * h, held);
+    std::optional<FitEvent> first;
+    for (int contact = 0; contact < flight.contacts(); ++contact) {
+      if (contains(held, contact)) continue;
+      double& before = last[static_cast<std::size_t>(contact)];
+      const double g = flight.gap(contact).g;
+      if (before > 0.0 && g <= 0.0) {
+        first = FitEvent{t + (i - 1 + before / (before - g)) * h, contact, ContactEventKind::pulse,
+                         false, 0};
+      }
+      before = g;
     }
+    if (first) return first;
   }
-  return axes;
+  return std::nullopt;
 }
 
-struct GridPoint {
-  std::vector<int> at;  // steps from the nominal point
-  PathFit fit;
-  double score = 0.0;
-};
-
-bool near(const GridPoint& a, const GridPoint& b) {
-  for (std::size_t i = 0; i < a.at.size(); ++i) {
-    if (std::abs(a.at[i] - b.at[i]) >= 2) return false;
-  }
-  return true;
-}
-
-// Keeps the best points that are at least two steps apart.
-void keep(GridPoint point, std::vector<GridPoint>& best) {
-  if (!std::isfinite(point.score)) return;
-  for (GridPoint& other : best) {
-    if (near(point, other) && other.score <= point.score) return;
-  }
-  std::erase_if(best, [&](const GridPoint& other) { return near(point, other); });
-  const auto later =
-      std::upper_bound(best.begin(), best.end(), point.score,
-                       [](double score, const GridPoint& other) { return score < other.score; });
-  best.insert(later, std::move(point));
-  if (best.size() > kept) best.pop_back();
-}
-
-std::vector<GridPoint> best_of_grid(const MachineFamily& family, Projection& projection,
-                                    const std::vector<Axis>& axes) {
-  constexpr double penalty = 3.0;  // of impacts with an opening gap
-  std::vector<GridPoint> best;
-  GridPoint point{std::vector<int>(axes.size()), {}, 0.0};
-  for (std::size_t i = 0; i < axes.size(); ++i) point.at[i] = -axes[i].to_low;
-  Eigen::VectorXd values = family.nominal();
-  while (true) {
-    check_interrupt();
-    for (std::size_t i = 0; i < axes.size(); ++i) {
-      const Unknown& unknown = family.unknowns()[axes[i].unknown];
-      values[static_cast<Eigen::Index>(axes[i].unknown)] = unknown.value(
-          std::clamp(axes[i].step * point.at[i], unknown.lowest(), unknown.highest()));
-    }
-    PathFit fit = projection.at(values);
-    const double score = fit.rms * (1.0 + penalty * fit.inside);
-    if (best.size() < kept || score < best.back().score) keep({point.at, fit, score}, best);
-    std::size_t i = axes.size();
-    while (i > 0 && point.at[i - 1] == axes[i - 1].to_high) {
-      point.at[i - 1] = -axes[i - 1].to_low;
-      --i;
-    }
-    if (i == 0) break;
-    ++point.at[i - 1];
-  }
-  return best;
-}
-
-double duration_of(const Stretches& stretches) {
-  return stretches.back().impacts.back().t - stretches.front().start;
-}
-
-// Refines on windows that grow from `size` impacts at `first` to all impacts.
-PathFit grow(Projection& projection, const Stretches& all, std::size_t first, std::size_t size,
-             PathFit fit, std::size_t fewest) {
-  constexpr int steps = 12, last_steps = 40;
-  const std::size_t total = count(all);
-  while (size < total) {
-    const auto next = static_cast<std::size_t>(std::ceil(growth * static_cast<double>(size)));
-    // Grow forward to the end, then backward.
-    const std::size_t end = std::min(total, first + next);
-    first = end > next ? end - next : 0;
-    size = end - first;
-    Stretches window = part(all, first, size);
-    std::erase_if(window, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
-    projection.take(std::move(window));
-    fit = projection.refine(fit, size == total ? last_steps : steps);
-  }
-  return fit;
-}
-
-}  // namespace
-
-namespace {
-
-std::size_t unknowns_in_all(const MachineFamily& family, const Projection& projection) {
-  return 2 * static_cast<std::size_t>(family.n()) +
-         static_cast<std::size_t>(projection.free_inputs()) + projection.nonlinear().size();
-}
-
-}  // namespace
-
-std::size_t first_window(const MachineFamily& family, const Projection& projection) {
-  const auto n = static_cast<std::size_t>(family.n());
-  return std::max(6 * n + 4, unknowns_in_all(family, projection) + 8);
-}
-
-std::size_t least_window(const MachineFamily& family, const Projection& projection) {
-  return unknowns_in_all(family, projection) + 4;
-}
-
-namespace {
-
-constexpr int first_steps = 25;
-constexpr double finer = 0.5;  // step of the last resort's grid, in usual steps
-
-// `apart`: in coordinates of the unknowns.
-bool same_place(const MachineFamily& family, const PathFit& a, const PathFit& b, double apart) {
-  for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
-    const Unknown& unknown = family.unknowns()[k];
-    const auto i = static_cast<Eigen::Index>(k);
-    if (unknown.linear()) continue;
-    if (std::abs(unknown.coordinate(a.values[i]) - unknown.coordinate(b.values[i])) > apart) {
-      return false;
-    }
-  }
-  return true;
-}
-
-std::size_t first_of_longest(const Stretches& stretches) {
-  std::size_t at = 0, first = 0, longest = 0;
-  for (const Stretch& stretch : stretches) {
-    if (stretch.size() > longest) {
-      longest = stretch.size();
-      first = at;
-    }
-    at += stretch.size();
-  }
-  return first;
-}
-
-std::vector<std::size_t> hits(const Stretches& stretches, int contacts) {
-  std::vector<std::size_t> hits(static_cast<std::size_t>(contacts));
-  for (const Stretch& stretch : stretches) {
-    for (const Impact& impact : stretch.impacts) ++hits[static_cast<std::size_t>(impact.contact)];
-  }
-  return hits;
-}
-
-// Number of impacts from `first` on that include every contact that is hit at all. A window without
-// one of them could not determine it.
-std::size_t with_all_contacts(const MachineFamily& family, const Stretches& all, std::size_t first,
-                              std::size_t size) {
-  constexpr std::size_t enough = 4;
-  const std::vector<std::size_t> wanted = hits(all, family.contacts());
-  const std::size_t total = count(all);
-  while (first + size < total) {
-    const std::vector<std::size_t> of = hits(part(all, first, size), family.contacts());
-    bool enough_of_all = true;
-    for (std::size_t i = 0; i < of.size(); ++i) {
-      if (of[i] < std::min(enough, wanted[i])) enough_of_all = false;
-    }
-    if (enough_of_all) break;
-    ++size;
-  }
-  return size;
-}
-
-// For a single unknown: adds starting values over all of its range. On an orbit with one impact a
-// period there are many minima, and the deepest need not be near the grid's best point.
-void add_starts_along(const MachineFamily& family, Projection& projection, const Axis& axis,
-                      std::vector<PathFit>& starts) {
-  constexpr int most = 32;
-  const int stride = (axis.to_low + axis.to_high) / most + 1;
-  const Unknown& unknown = family.unknowns()[axis.unknown];
-  for (int i = -axis.to_low; i <= axis.to_high; i += stride) {
-    PathFit start;
-    start.values = family.nominal();
-    start.values[static_cast<Eigen::Index>(axis.unknown)] =
-        unknown.value(std::clamp(axis.step * i, unknown.lowest(), unknown.highest()));
-    starts.push_back(projection.refine(start, first_steps));
-  }
-}
-
-// The best points of the grid, refined, the best first, without duplicates; as a last resort other
-// points too.
-std::vector<PathFit> refined_starts(const MachineFamily& family, Projection& projection,
-                                    const Stretches& window, bool last_resort) {
-  projection.take(window);
-  const std::vector<Axis> axes =
-      axes_of(family, duration_of(window), usual_interval(window), last_resort ? finer : 1.0);
-  std::vector<PathFit> starts;
-  for (const GridPoint& point : best_of_grid(family, projection, axes)) {
-    starts.push_back(projection.refine(point.fit, first_steps));
-  }
-  if (last_resort && axes.size() == 1) {
-    add_starts_along(family, projection, axes.front(), starts);
-  }
-  std::stable_sort(starts.begin(), starts.end(),
-                   [](const PathFit& a, const PathFit& b) { return a.score() < b.score(); });
-  constexpr double apart = 1e-3;
-  std::vector<PathFit> places;
-  for (PathFit& start : starts) {
-    const bool is_new = std::none_of(places.begin(), places.end(), [&](const PathFit& place) {
-      return same_place(family, start, place, apart);
+// A dropped event at an inserted one is this event.
+void FitSearch::restore_moved(Chain& chain) const {
+  std::vector<EventChange>& changes = chain.changes;
+  const double beside = six * std::sqrt(tolerated(chain.fit));
+  for (std::size_t i = 0; i < changes.size();) {
+    const EventChange lost = changes[i];
+    const auto dropped = std::find_if(changes.begin(), changes.end(), [&](const EventChange& of) {
+      return lost.inserted && !of.inserted && of.contact == lost.contact &&
+             std::abs(of.t - lost.t) < beside;
     });
-    if (is_new) places.push_back(std::move(start));
-  }
-  return places;
-}
-
-}  // namespace
-
-PathFit search_window(const MachineFamily& family, const Stretches& window) {
-  Projection projection(family);
-  std::vector<PathFit> starts = refined_starts(family, projection, window, false);
-  return starts.empty() ? PathFit{} : std::move(starts.front());
-}
-
-PathFit search(const MachineFamily& family, const Stretches& stretches,
-               const SearchSettings& settings) {
-  constexpr std::size_t followed = 3;  // number of refined points to continue
-  constexpr double most_inside = 0.1;  // of the impacts
-  constexpr double apart = 0.01;       // distance in coordinates to another minimum
-  Projection projection(family);
-  const std::size_t total = count(stretches);
-  const auto fewest = static_cast<std::size_t>(2 * family.n() + 1);
-  const std::size_t n = std::min(total, first_window(family, projection));
-  PathFit best;
-  best.rms = std::numeric_limits<double>::infinity();
-  bool found = false;
-  std::vector<PathFit> tried;
-  constexpr std::size_t most_tried = 4;
-  // Whether a new minimum is a solution. A path with many impacts at an opening gap is none.
-  const auto solves = [&](const PathFit& fit) {
-    if (!(fit.score() <= settings.good) || fit.inside > most_inside) return false;
-    if (tried.size() >= most_tried && !found) return false;
-    const auto same = [&](const PathFit& other) { return same_place(family, fit, other, apart); };
-    if (std::any_of(tried.begin(), tried.end(), same)) return false;
-    tried.push_back(fit);
-    return settings.is_solution(fit);
-  };
-  struct Window {
-    std::size_t first, size;
-    bool last_resort;
-  };
-  std::vector<Window> windows;
-  // A long stretch has fewer unknown starts for its number of impacts, so it comes first.
-  const std::size_t longest = first_of_longest(stretches);
-  for (const std::size_t first : {longest, longest + n / 2, longest + n, longest + 2 * n,
-                                  longest + 3 * n, std::size_t{0}, n / 2}) {
-    const bool is_there = std::any_of(windows.begin(), windows.end(),
-                                      [&](const Window& window) { return window.first == first; });
-    if (first + n <= total && !is_there) windows.push_back({first, n, false});
-  }
-  // As a last resort, also the record's beginning, which may contain a transient: a periodic orbit
-  // alone may fit several machines.
-  const std::size_t wide = std::min(total, n * 7 / 5);
-  const std::size_t at_longest = std::min(longest, total - wide);
-  windows.push_back({at_longest, wide, true});
-  if (at_longest != 0) windows.push_back({0, wide, true});
-  for (Window& window : windows) {
-    window.size = with_all_contacts(family, stretches, window.first, window.size);
-    Stretches first = part(stretches, window.first, window.size);
-    std::erase_if(first, [&](const Stretch& stretch) { return stretch.equations() < fewest; });
-    if (first.empty()) continue;
-    const std::vector<PathFit> starts =
-        refined_starts(family, projection, first, window.last_resort);
-    for (std::size_t i = 0; i < starts.size(); ++i) {
-      // Another minimum as deep as the solution is visible on few impacts already.
-      const bool promises = starts[i].score() <= settings.good;
-      if (found ? !promises : i >= followed && !(window.last_resort && promises)) continue;
-      PathFit fit = grow(projection, stretches, window.first, window.size, starts[i], fewest);
-      const bool solution = solves(fit);
-      if ((solution && !found) || (!found && fit.score() < best.score())) best = std::move(fit);
-      found = found || solution;
+    if (dropped == changes.end()) {
+      ++i;
+      continue;
     }
-    if (found) break;
+    for (Piece& piece : chain.pieces) {
+      for (FitEvent& event : piece.part.events) {
+        if (event.timed || event.t != lost.t || event.contact != lost.contact) continue;
+        event.t = dropped->t;
+        event.timed = true;
+        event.index = dropped->index;
+      }
+    }
+    const EventChange of_record = *dropped;
+    std::erase_if(changes, [&](const EventChange& of) {
+      return of.inserted ? of.t == lost.t && of.contact == lost.contact
+                         : of.index == of_record.index;
+    });
+    i = 0;
   }
-  return best;
+}
+
+// Takes a chain with a changed piece as `best` if its events agree and it is the cheapest: a change
+// costs twice the logarithm of the number of events.
+void FitSearch::consider(Chain changed, const Chain& chain, double added, Option& best) {
+  restore_moved(changed);
+  std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
+  if (!fitted || !agrees(*fitted, chain.fit, added)) return;
+  const double count = static_cast<double>(changed.changes.size() - chain.changes.size());
+  const double cost = fitted->squares / tolerated(chain.fit) +
+                      2.0 * count * std::log(static_cast<double>(record_->events));
+  if (best.chain && cost >= best.price) return;
+  changed.fit = std::move(*fitted);
+  best = {std::move(changed), cost};
+}
+
+// Removes events of the record from a path. Returns whether they may be spurious.
+bool FitSearch::drop(std::span<const FitEvent> events, Chain& chain) {
+  for (const FitEvent& event : events) {
+    if (event.kind != ContactEventKind::pulse) return false;
+    if (event.timed) chain.changes.push_back({event.t, event.contact, false, event.index});
+  }
+  return true;
+}
+
+// Continues piece `first` to events `low` to `high` - 1 of its stretch, without its last `from_a`
+// events, and with the impacts that the path has before them.
+std::optional<Chain> FitSearch::continued(const Chain& chain, std::size_t first, std::size_t from_a,
+                                          std::size_t low, std::span<const FitEvent> next,
+                                          std::size_t high, std::size_t most) {
+  const Piece& a = chain.pieces[first];
+  const FitStretch& stretch = record_->stretches[a.stretch];
+  Chain changed = chain;
+  std::vector<FitEvent> events = a.part.events;
+  const std::size_t kept_of_a = events.size() - from_a;
+  if (!drop(std::span(events).subspan(kept_of_a), changed)) return std::nullopt;
+  events.resize(kept_of_a);
+  if (!drop(std::span(stretch.events).subspan(a.high, low - a.high), changed)) return std::nullopt;
+  const auto lost = lost_events(chain, first, kept_of_a, next.front(), most);
+  if (!lost) return std::nullopt;
+  for (const FitEvent& event : *lost) {
+    changed.changes.push_back({event.t, event.contact, true, 0});
+    events.push_back(event);
+  }
+  events.insert(events.end(), next.begin(), next.end());
+  changed.pieces[first] = {a.stretch, a.low, high, {a.part.start, a.part.held, std::move(events)}};
+  return changed;
+}
+
+// Joins a piece and the next one of its stretch to one path.
+bool FitSearch::connect(Chain& chain, std::size_t first) {
+  std::optional<std::size_t> second;
+  for (std::size_t i = 0; i < chain.pieces.size(); ++i) {
+    const Piece& other = chain.pieces[i];
+    const bool after =
+        other.stretch == chain.pieces[first].stretch && other.low >= chain.pieces[first].high;
+    if (after && (!second || other.low < chain.pieces[*second].low)) second = i;
+  }
+  if (!second) return false;
+  const Piece a = chain.pieces[first], b = chain.pieces[*second];
+  Option best;
+  for (std::size_t from_a = 0; from_a <= 1; ++from_a) {
+    for (std::size_t from_b = 0; from_b <= 1; ++from_b) {
+      if (a.part.size() < from_a + 2 || b.part.size() < from_b + 2) continue;
+      const std::span<const FitEvent> next = std::span(b.part.events).subspan(from_b);
+      auto changed = continued(chain, first, from_a, b.low, next, b.high, most_lost_between);
+      if (!changed || !drop(std::span(b.part.events).first(from_b), *changed)) continue;
+      changed->pieces.erase(changed->pieces.begin() + static_cast<std::ptrdiff_t>(*second));
+      consider(std::move(*changed), chain, static_cast<double>(2 * solver_->n()), best);
+    }
+  }
+  if (!best.chain) return false;
+  chain = std::move(*best.chain);
+  return true;
+}
+
+// A change of the events at the end of a piece, after which the next ones agree.
+bool FitSearch::repair(Chain& chain, std::size_t piece, bool forwards) {
+  const Piece a = chain.pieces[piece];
+  const FitStretch& stretch = record_->stretches[a.stretch];
+  const std::size_t room = forwards ? stretch.size() - a.high : a.low;
+  Option best;
+  for (const std::size_t most : {ahead, least_ahead}) {
+    for (std::size_t from_a = 0; from_a <= 1; ++from_a) {
+      for (std::size_t skipped = 0; skipped <= 1; ++skipped) {
+        if (room < skipped + least_ahead) continue;
+        const std::size_t taken = std::min(room - skipped, most);
+        const double added = static_cast<double>(taken) - static_cast<double>(from_a);
+        const std::size_t low = forwards ? a.high + skipped : a.low - skipped - taken;
+        auto changed = forwards ? continued(chain, piece, from_a, low,
+                                            std::span(stretch.events).subspan(low, taken),
+                                            low + taken, most_lost)
+                                : preceded(chain, piece, from_a, low, low + taken);
+        if (changed) consider(std::move(*changed), chain, added, best);
+      }
+    }
+    if (best.chain) break;
+  }
+  if (!best.chain) return false;
+  chain = std::move(*best.chain);
+  return true;
+}
+
+// Impacts of the path between `last` and a piece without its first `from_a` events, in order of
+// time. Empty: the path does not come from `last`.
+std::optional<std::vector<FitEvent>> FitSearch::earlier_events(const Chain& chain,
+                                                               std::size_t piece,
+                                                               std::size_t from_a,
+                                                               const FitEvent& last) {
+  FamilyFlight& flight = solver_->flight();
+  flight.set(chain.fit.point.c, false);
+  const FitStretch& part = chain.pieces[piece].part;
+  double t = chain.fit.point.times[piece].front();
+  flight.fly(chain.fit.point.starts[piece], part.start, t - part.start, part.held);
+  if (from_a > 0) flight.strike(part.events.front().contact, false, part.held);
+  VectorXd x = flight.x(), along(2 * solver_->n());
+  std::vector<FitEvent> lost;
+  const double tolerance = beside_event * std::min(record_->interval, t - last.t);
+  while (lost.size() <= most_lost) {
+    const std::optional<FitEvent> first = next_impact(x, t, last.t - tolerance, part.held);
+    if (!first || first->t < last.t) break;
+    if (first->contact == last.contact && first->t < last.t + tolerance) break;
+    const double restitution = flight.restitution(first->contact);
+    if (part.held != 0 || restitution == 0.0) return std::nullopt;
+    lost.insert(lost.begin(), *first);
+    flight.fly(x, t, first->t - t, part.held);
+    flight.along(first->contact, along);
+    const double after = flight.gap(first->contact).velocity;
+    x = flight.x() - (1.0 + 1.0 / restitution) * after * along;
+    t = first->t;
+  }
+  if (lost.size() > most_lost) return std::nullopt;
+  return lost;
+}
+
+// Puts events `low` to `high` - 1 of its stretch before a piece, without its first `from_a` events.
+std::optional<Chain> FitSearch::preceded(const Chain& chain, std::size_t piece, std::size_t from_a,
+                                         std::size_t low, std::size_t high) {
+  const Piece& a = chain.pieces[piece];
+  const FitStretch& stretch = record_->stretches[a.stretch];
+  Chain changed = chain;
+  const std::span<const FitEvent> own(a.part.events);
+  if (!drop(own.first(from_a), changed)) return std::nullopt;
+  if (!drop(std::span(stretch.events).subspan(high, a.low - high), changed)) return std::nullopt;
+  FitStretch part = stretch.part(low, high);
+  const FitEvent& last = part.events.back();
+  if (last.kind == ContactEventKind::closes) return std::nullopt;
+  auto lost = earlier_events(chain, piece, from_a, last);
+  if (!lost) return std::nullopt;
+  for (const FitEvent& event : *lost) {
+    changed.changes.push_back({event.t, event.contact, true, 0});
+    part.events.push_back(event);
+  }
+  part.events.insert(part.events.end(), own.begin() + static_cast<std::ptrdiff_t>(from_a),
+                     own.end());
+  changed.pieces[piece] = {a.stretch, low, a.high, std::move(part)};
+  return changed;
+}
+
+void FitSearch::mend(Chain& chain) {
+  for (std::size_t i = 0; i < chain.pieces.size();) {
+    if (connect(chain, i)) {
+      i = 0;
+    } else {
+      ++i;
+    }
+  }
+}
+
+// Drops the event with the largest residual while the likelihood gains more than its price.
+void FitSearch::prune(Chain& chain) {
+  const double price = 2.0 * std::log(static_cast<double>(record_->events)) + price_of_change;
+  while (static_cast<double>(chain.changes.size()) <
+         largest_share_changed * static_cast<double>(record_->events)) {
+    Option best;
+    double largest = 0.0;
+    std::size_t in_piece = 0, at = 0;
+    for (std::size_t i = 0; i < chain.pieces.size(); ++i) {
+      const FitStretch& part = chain.pieces[i].part;
+      for (std::size_t k = 0; k < part.size(); ++k) {
+        const FitEvent& event = part.events[k];
+        if (!event.timed || event.kind != ContactEventKind::pulse) continue;
+        const double e = std::abs(chain.fit.point.times[i][k] - event.t);
+        if (e > largest) largest = e, in_piece = i, at = k;
+      }
+    }
+    if (square(largest) < 9.0 * variance(chain.fit) ||
+        largest < negligible_scatter * record_->interval)
+      return;
+    Chain changed = chain;
+    FitStretch& part = changed.pieces[in_piece].part;
+    const FitEvent event = part.events[at];
+    part = part.without(at);
+    changed.changes.push_back({event.t, event.contact, false, event.index});
+    std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
+    if (!fitted || !plausible(*fitted)) return;
+    const double gain =
+        jitter_ ? (chain.fit.squares - fitted->squares) / square(*jitter_)
+                : chain.fit.freedom *
+                      std::log(chain.fit.variance() / std::max(fitted->variance(), square(floor_)));
+    if (gain < price) return;
+    changed.fit = std::move(*fitted);
+    chain = std::move(changed);
+  }
+}
+
+// Iterates to the minimum. Without a jitter the weights follow the scatter.
+void FitSearch::polish(Chain& chain) {
+  for (int round = 0; round < most_rounds; ++round) {
+    const double before = chain.fit.squares;
+    EventFit fit = solver_->refine(chain.fit.stretches, chain.fit.point,
+                                   sigma(std::sqrt(chain.fit.variance())), iterations);
+    if (fit.stretches.empty() || !(fit.squares <= before * (1.0 + 1e-3) + square(floor_))) return;
+    chain.fit = std::move(fit);
+    if (chain.fit.converged && chain.fit.squares > 0.98 * before) return;
+  }
+}
+
+// Twice the negative logarithm of the likelihood of a record; an event that the chain does not
+// explain is anywhere in a usual interval.
+double FitSearch::price(const Chain& chain) const {
+  const double N = static_cast<double>(record_->events);
+  const double variance = tolerated(chain.fit);
+  double used = 0.0;
+  for (const Piece& piece : chain.pieces) {
+    for (const FitEvent& event : piece.part.events) used += event.timed;
+  }
+  double inserted = 0.0;
+  for (const EventChange& change : chain.changes) inserted += change.inserted;
+  const double starts = static_cast<double>(2 * solver_->n() * std::ssize(chain.pieces));
+  const double of_event = std::log(square(record_->interval) / variance);
+  return chain.fit.squares / variance - used * of_event +
+         (2.0 * std::log(N) + price_of_change) * inserted + starts * of_event;
+}
+
+std::vector<std::vector<Piece>> FitSearch::windows(std::size_t number, bool split) const {
+  const FitStretch& stretch = record_->stretches[number];
+  const auto starts = static_cast<std::size_t>(2 * solver_->n());
+  const std::size_t unknowns = starts + static_cast<std::size_t>(solver_->parameters());
+  std::vector<std::vector<Piece>> all;
+  std::vector<std::pair<std::size_t, std::size_t>> places;
+  for (const std::size_t extra : {spare, least_spare}) {
+    const std::size_t length = std::min(unknowns + extra + (split ? starts : 0), stretch.size());
+    for (const std::size_t half : {0, 2, 4, 1, 6, 8}) {
+      const std::size_t low = std::min(half * length / 2, stretch.size() - length);
+      const std::pair place{low, low + length};
+      if (std::find(places.begin(), places.end(), place) == places.end()) places.push_back(place);
+    }
+  }
+  for (const auto& [low, high] : places) {
+    if (!split) {
+      all.push_back({{number, low, high, stretch.part(low, high)}});
+      continue;
+    }
+    const std::size_t least = starts + 1;
+    for (std::size_t k = low + least; k + least <= high; ++k) {
+      all.push_back(
+          {{number, low, k, stretch.part(low, k)}, {number, k, high, stretch.part(k, high)}});
+    }
+    if (all.size() > most_splits) break;
+  }
+  return all;
+}
+
+// The first impact of a piece's path that has no event, and the number of the event after it.
+std::optional<std::pair<FitEvent, std::size_t>> FitSearch::unrecorded(const Chain& chain,
+                                                                      std::size_t piece) {
+  FamilyFlight& flight = solver_->flight();
+  flight.set(chain.fit.point.c, false);
+  const FitStretch& part = chain.pieces[piece].part;
+  VectorXd x = chain.fit.point.starts[piece];
+  double t = part.start, typical = 0.0;
+  ContactSet held = part.held;
+  for (const double velocity : chain.fit.velocities[piece]) typical += std::abs(velocity);
+  typical /= static_cast<double>(part.size());
+  for (std::size_t k = 0; k < part.size(); ++k) {
+    const FitEvent& event = part.events[k];
+    const double tau = chain.fit.point.times[piece][k];
+    if (k > 0) {
+      const std::optional<FitEvent> first = next_impact(x, t, tau, held);
+      if (first && first->t < tau - beside_event * (tau - t)) {
+        flight.fly(x, t, first->t - t, held);
+        if (-flight.gap(first->contact).velocity > least_speed * typical) return {{*first, k}};
+      }
+    }
+    flight.fly(x, t, tau - t, held);
+    if (event.impact()) {
+      flight.strike(event.contact, event.kind == ContactEventKind::closes, held);
+    }
+    x = flight.x();
+    held = after(held, {tau, event.contact, event.kind});
+    t = tau;
+  }
+  return std::nullopt;
+}
+
+// Inserts the impacts of the path that have no event, if a path with all of them agrees. If none
+// does, the gaps between the events are not determined well enough to tell.
+void FitSearch::insert_unrecorded(Chain& chain) {
+  const double most = largest_share_changed * static_cast<double>(record_->events);
+  Chain changed = chain;
+  for (std::size_t piece = 0; piece < chain.pieces.size(); ++piece) {
+    while (const auto found = unrecorded(changed, piece)) {
+      const auto& [event, k] = *found;
+      changed.pieces[piece].part = changed.pieces[piece].part.with(k, event);
+      changed.changes.push_back({event.t, event.contact, true, 0});
+      std::optional<EventFit> fitted = refit(changed.parts(), changed.fit);
+      const bool agrees = fitted && this->agrees(*fitted, chain.fit, 1.0);
+      if (!agrees || static_cast<double>(changed.changes.size()) > most) return;
+      changed.fit = std::move(*fitted);
+    }
+  }
+  chain = std::move(changed);
+}
+
+// Inserts impacts of the path between the begin of the record and its first event.
+void FitSearch::begin_record(Chain& chain) {
+  const auto first =
+      std::find_if(chain.pieces.begin(), chain.pieces.end(), [&](const Piece& piece) {
+        return piece.low == 0 && piece.part.events.front().index == 0 && piece.part.held == 0;
+      });
+  const double begins = record_->begins;
+  if (first == chain.pieces.end() || first->part.start <= begins) return;
+  const auto piece = static_cast<std::size_t>(first - chain.pieces.begin());
+  const auto lost = earlier_events(chain, piece, 0, {begins, -1});
+  if (!lost || lost->empty()) return;
+  Chain changed = chain;
+  FitStretch& part = changed.pieces[piece].part;
+  part.events.insert(part.events.begin(), lost->begin(), lost->end());
+  part.start = part.events.front().t;
+  for (const FitEvent& event : *lost) changed.changes.push_back({event.t, event.contact, true, 0});
+  std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
+  if (!fitted || !agrees(*fitted, chain.fit, 1.0)) return;
+  changed.fit = std::move(*fitted);
+  chain = std::move(changed);
+}
+
+void FitSearch::explain(Chain& chain) {
+  chain.explained = true;
+  complete(chain);
+  if (changes_) mend(chain);
+  if (changes_) prune(chain);
+  if (changes_) begin_record(chain);
+  insert_unrecorded(chain);
+  polish(chain);
+}
+
+bool FitSearch::explains(const Chain& chain) const {
+  return static_cast<double>(chain.spanned()) >= enough_spanned * static_cast<double>(usable());
+}
+
+void Chain::sort_by_time() {
+  std::vector<std::size_t> order(pieces.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) {
+    return pieces[i].part.start < pieces[j].part.start;
+  });
+  const auto sorted = [&](auto& all) {
+    auto moved = all;
+    for (std::size_t i = 0; i < order.size(); ++i) moved[i] = std::move(all[order[i]]);
+    all = std::move(moved);
+  };
+  sorted(pieces);
+  sorted(fit.stretches);
+  sorted(fit.point.starts);
+  sorted(fit.point.times);
+  sorted(fit.velocities);
+}
+
+std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
+  starts_ = starts;
+  const std::size_t unknowns = static_cast<std::size_t>(2 * solver_->n() + solver_->parameters());
+  std::vector<Chain> tried;
+  std::size_t finished = 0;
+  const auto cheaper = [&](const Chain& a, const Chain& b) { return price(a) < price(b); };
+  for (const bool split : {false, true}) {
+    if (split && !changes_) break;
+    std::size_t failed = 0;
+    for (std::size_t i = 0; i < std::min<std::size_t>(record_->stretches.size(), split ? 1 : 3);
+         ++i) {
+      if (record_->stretches[i].size() < unknowns + 2 || failed >= most_failed) break;
+      for (const std::vector<Piece>& pieces : windows(i, split)) {
+        std::vector<Chain> here = candidates(pieces);
+        for (Chain& chain : here) {
+          grow(chain, chain.pieces.size() - 1, true, false);
+          grow(chain, 0, false, false);
+        }
+        if (here.empty()) continue;
+        std::stable_sort(here.begin(), here.end(), cheaper);
+        const std::size_t window = pieces.back().high - pieces.front().low;
+        const std::size_t least =
+            std::min(window + (split ? 0 : grown_by), record_->stretches[i].size());
+        const bool grown = here.front().spanned() >= least || is_certain(here.front().fit);
+        if (grown) {
+          explain(here.front());
+          // Another minimum with less scatter may explain the record with changes.
+          for (std::size_t k = 1; k < here.size(); ++k) {
+            if (here[k].fit.variance() >= here.front().fit.variance()) continue;
+            explain(here[k]);
+            break;
+          }
+          std::stable_sort(here.begin(), here.end(), cheaper);
+          while (!here.front().explained) {
+            explain(here.front());
+            std::stable_sort(here.begin(), here.end(), cheaper);
+          }
+        }
+        const Chain& chain = here.front();
+        const bool done = grown && explains(chain);
+        const bool clean =
+            done && chain.changes.empty() && chain.pieces.size() == record_->stretches.size();
+        const double reached = price(chain);
+        const bool again =
+            grown && std::any_of(tried.begin(), tried.end(), [&](const Chain& other) {
+              return other.explained && std::abs(price(other) - reached) < 1.0;
+            });
+        tried.insert(tried.end(), here.begin(), here.end());
+        finished += done;
+        failed += grown && !done;
+        if (clean || again || finished >= most_finished || failed >= most_failed) break;
+      }
+      if (finished > 0) break;
+    }
+    if (finished > 0) break;
+  }
+  std::stable_sort(tried.begin(), tried.end(), cheaper);
+  if (finished == 0 && !tried.empty() && !tried.front().explained) explain(tried.front());
+  return tried;
 }
 
 }  // namespace sprag

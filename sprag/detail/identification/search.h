@@ -1,38 +1,130 @@
-// Global search without initial values. A grid over the parameters' box is evaluated on a few
-// impacts, the best points are refined (projection.h), and the window grows to all impacts. Far
-// from the solution the sum of squares of a long record has a local minimum every fraction of a
-// percent; that of a short one does not.
+// Search for parameters and for errors of the record: candidates on a window of events, growth of
+// the window to the whole record, and hypotheses about events where it does not grow.
 #pragma once
 
-#include <functional>
+#include <optional>
+#include <vector>
 
-#include "sprag/detail/identification/machine_family.h"
-#include "sprag/detail/identification/projection.h"
-#include "sprag/detail/identification/record.h"
+#include "sprag/detail/identification/gauss_newton.h"
 
 namespace sprag {
 
-struct SearchSettings {
-  double good = 0.0;  ///< largest score of a candidate [s]
-  /// Decides whether a candidate is a solution. The search ends at the first window with a
-  /// solution.
-  std::function<bool(const PathFit&)> is_solution;
+/// Bound of a chi^2, in its standard deviations.
+inline constexpr double six = 6.0;
+/// Largest share of the events that an explanation may change.
+inline constexpr double largest_share_changed = 0.2;
+/// A lost impact differs from the next event by more than this share of the time between the
+/// events.
+inline constexpr double beside_event = 0.1;
+
+/// Scatter that the search neglects, in usual intervals: it shows no error of the record.
+inline constexpr double negligible_scatter = 1e-7;
+
+struct EventChange {
+  double t = 0.0;         ///< [s]
+  int contact = 0;        ///< from 0
+  bool inserted = false;  ///< an impact without an event; else a spurious event
+  std::size_t index = 0;  ///< number of the spurious event in the record
 };
 
-/// Searches fits to all stretches and returns the one with the lowest score. After the first
-/// solution, other minima of the same window are still tried once each. Each stretch must have more
-/// than 2n impacts.
-PathFit search(const MachineFamily& family, const Stretches& stretches,
-               const SearchSettings& settings);
+/// Consecutive events of a stretch of the record with one start, after changes.
+struct Piece {
+  std::size_t stretch = 0;        ///< number in FitRecord::stretches
+  std::size_t low = 0, high = 0;  ///< events of it that the piece spans
+  FitStretch part;
+};
 
-/// The best fit to the impacts of one window alone.
-PathFit search_window(const MachineFamily& family, const Stretches& window);
+/// Pieces of the record and the fit to all of them. Between two pieces of one stretch the record
+/// has an error.
+struct Chain {
+  std::vector<Piece> pieces;
+  EventFit fit;
+  std::vector<EventChange> changes;
+  bool explained = false;  ///< its changes were sought
 
-/// Number of impacts of a first window.
-std::size_t first_window(const MachineFamily& family, const Projection& projection);
+  std::vector<FitStretch> parts() const;
+  std::size_t spanned() const;
+  void sort_by_time();
+};
 
-/// Number of impacts of a shorter window with four degrees of freedom. It suffices if a wrong path
-/// leaves residuals far above the jitter.
-std::size_t least_window(const MachineFamily& family, const Projection& projection);
+class FitSearch {
+ public:
+  /// `changes`: events may be inserted and dropped.
+  /// `neglected`: scatter that shows no error of the record, in usual intervals.
+  FitSearch(GaussNewton& solver, const FitRecord& record, std::optional<double> jitter,
+            bool changes, double neglected = negligible_scatter);
+
+  /// Explanations of the record, the best first. Empty: no window of events fits. The search tries
+  /// the coordinates `starts` of the parameters before all others.
+  std::vector<Chain> run(const std::vector<Eigen::VectorXd>& starts = {});
+  /// Whether a chain spans enough events.
+  bool explains(const Chain& chain) const;
+
+  /// Variance of the times that a fit claims.
+  double variance(const EventFit& fit) const;
+  /// Rounding of times [s].
+  double floor() const { return floor_; }
+  /// Twice the negative logarithm of the likelihood of the record.
+  double price(const Chain& chain) const;
+  /// Cuts that a chain leaves unexplained.
+  std::size_t unexplained(const Chain& chain) const;
+  /// Events of the record in stretches that are long enough for a start of their own.
+  std::size_t usable() const;
+
+ private:
+  std::vector<Eigen::VectorXd> design(std::size_t count) const;
+  std::vector<Chain> candidates(const std::vector<Piece>& pieces);
+  std::vector<std::vector<Piece>> windows(std::size_t number, bool split) const;
+  void prune(Chain& chain);
+  void polish(Chain& chain);
+  void begin_record(Chain& chain);
+  std::optional<std::pair<FitEvent, std::size_t>> unrecorded(const Chain& chain, std::size_t piece);
+  void insert_unrecorded(Chain& chain);
+  void explain(Chain& chain);
+  std::optional<EventFit> refit(std::vector<FitStretch> parts, const EventFit& from);
+  bool is_certain(const EventFit& fit) const;
+  bool plausible(const EventFit& fit) const;
+  bool agrees(const EventFit& wider, const EventFit& fit, double added) const;
+  bool replace(Chain& chain, std::size_t piece, Piece by, double added);
+  void grow(Chain& chain, std::size_t piece, bool forwards, bool repairs);
+  bool begin_piece(Chain& chain, std::size_t stretch, std::size_t low, std::size_t high,
+                   bool forwards);
+  void complete(Chain& chain);
+  void continue_in(Chain& chain, std::size_t stretch, std::size_t from, std::size_t to,
+                   bool forwards);
+  void mend(Chain& chain);
+  bool connect(Chain& chain, std::size_t first);
+  bool repair(Chain& chain, std::size_t piece, bool forwards);
+  struct Option {
+    std::optional<Chain> chain = {};
+    double price = 0.0;
+  };
+  void restore_moved(Chain& chain) const;
+  void consider(Chain changed, const Chain& chain, double added, Option& best);
+  static bool drop(std::span<const FitEvent> events, Chain& chain);
+  std::optional<Chain> continued(const Chain& chain, std::size_t first, std::size_t from_a,
+                                 std::size_t low, std::span<const FitEvent> next, std::size_t high,
+                                 std::size_t most);
+  std::optional<Chain> preceded(const Chain& chain, std::size_t piece, std::size_t from_a,
+                                std::size_t low, std::size_t high);
+  double tolerated(const EventFit& fit) const;
+  std::optional<std::vector<FitEvent>> lost_events(const Chain& chain, std::size_t piece,
+                                                   std::size_t events, const FitEvent& next,
+                                                   std::size_t most);
+  std::optional<std::vector<FitEvent>> earlier_events(const Chain& chain, std::size_t piece,
+                                                      std::size_t from_a, const FitEvent& last);
+  std::optional<FitEvent> next_impact(const Eigen::VectorXd& x, double t, double until,
+                                      ContactSet held);
+  std::size_t shortest() const;
+  double sigma(double rms) const;
+
+  GaussNewton* solver_;
+  const FitRecord* record_;
+  std::optional<double> jitter_;
+  bool changes_;
+  double neglected_;
+  double floor_;
+  std::vector<Eigen::VectorXd> starts_;
+};
 
 }  // namespace sprag

@@ -6,7 +6,7 @@
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/filter/family_flight.h"
 #include "sprag/detail/filter/triangularize.h"
-#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/identification/fit.h"
 #include "sprag/detail/identification/path_posterior.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/parameters/unknowns.h"
@@ -21,11 +21,13 @@ using Kind = Unknown::Kind;
 constexpr double resolved_time = 1e-10;
 
 // Process noise of the events of a task: the walks of [adapt] and the noise of the records.
-FilterModel noise_of(const MachineFamily& family) {
-  FilterModel model{.walk = walk_of(family.scene(), std::ssize(family.unknowns()))};
+FilterModel noise_of(const SceneValues& family) {
+  const Scene& scene = family.nominal();
+  FilterModel model{.walk = walk_of(scene, std::ssize(family.unknowns()))};
   if (family.records().empty()) return model;
-  const Eigen::MatrixXd noise = uncertainty_of(family.scene()).input_noise;
-  model.kicks = product(FamilyFlight(family.scene(), {}).from_state().rightCols(family.n()), noise);
+  const Eigen::MatrixXd noise = uncertainty_of(scene).input_noise;
+  const FamilyFlight flight(scene, {});
+  model.kicks = product(flight.from_state().rightCols(flight.n()), noise);
   return model;
 }
 
@@ -58,26 +60,26 @@ Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns) {
   return walk.size() > 1 ? walk : Eigen::VectorXd::Constant(unknowns, walk[0]);
 }
 
-AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
+AdaptationResult run(const AdaptationTask& task, const SceneValues& family) {
   AdaptationResult result;
   result.task = task;
-  const Scene& scene = family.scene();
+  const Scene& scene = family.nominal();
   IdentificationSettings settings;
   settings.unknowns = family.unknowns();
   settings.begins = task.begins;
   settings.closed = task.closed;
-  settings.through_contact = false;  // path_posterior() restarts at each stretch
   // Parameters that walk scatter the event times beyond the jitter.
   if (scene.prior.jitter > 0.0 && !scene.prior.adaptation.walks())
     settings.jitter = scene.prior.jitter;
   settings.white = !scene.prior.adaptation.walks();
   settings.strictly_within = false;  // parameters may have moved since the scene was written
-  Identification found;
+  EventIdentification identified;
   try {
-    found = identify(scene, task.events, settings);
+    identified = fit_events(scene, task.events, settings);
   } catch (const TooFewImpacts&) {
     return result;
   }
+  const Identification& found = identified.result;
   // A filter that starts from undetermined values would be overconfident.
   const bool determined =
       std::all_of(found.unknowns.begin(), found.unknowns.end(),
@@ -88,13 +90,15 @@ AdaptationResult run(const AdaptationTask& task, const MachineFamily& family) {
                        : scene.prior.adaptation.walks()
                            ? resolved_time * found.interval
                            : std::max(found.jitter, resolved_time * found.interval);
-  result.belief = path_posterior(family, noise_of(family), found.likelihood, found.measured, sigma);
+  const EventFit& fit = identified.fit;
+  result.belief = path_posterior(family, noise_of(family), fit, sigma);
   // The path posterior has the noise of the records, but not their interpolation errors.
   if (!found.record_errors.empty()) add_errors(found.record_errors.resolution, result.belief);
   result.accepted = result.belief.z.allFinite() && result.belief.S.allFinite();
-  const Impact& last = found.measured.back().impacts.back();
-  result.state_is_known = last.timed && last.event + 1 == task.events.size() &&
-                          task.events.back().kind == ContactEventKind::pulse;
+  const FitEvent& last = fit.stretches.back().events.back();
+  result.state_is_known = last.timed && last.index + 1 == task.events.size() &&
+                          last.kind == ContactEventKind::pulse &&
+                          fit.stretches.back().held_before(fit.stretches.back().size() - 1) == 0;
   return result;
 }
 

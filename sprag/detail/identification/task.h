@@ -8,7 +8,7 @@
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/filter/filter_belief.h"
-#include "sprag/detail/identification/machine_family.h"
+#include "sprag/detail/parameters/scene_with.h"
 
 namespace sprag {
 
@@ -37,6 +37,6 @@ std::vector<Unknown> unknowns_to_adapt(const Scene& scene);
 Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns);
 
 /// Runs an identification. Throws Interrupted (interrupt.h).
-AdaptationResult run(const AdaptationTask& task, const MachineFamily& family);
+AdaptationResult run(const AdaptationTask& task, const SceneValues& family);
 
 }  // namespace sprag

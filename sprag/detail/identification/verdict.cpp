@@ -21,19 +21,41 @@ std::string share(const Identification& fit) {
   return short_number(100.0 * fit.used_share(), 3) + " %";
 }
 
+// The likeliest cause of a misfit.
+std::string of_cause(const Identification& fit) {
+  switch (fit.departure.cause) {
+    case Cause::restitution_by_speed:
+      return "The likeliest cause: the restitution depends on the impact's speed.";
+    case Cause::restitution_scatter:
+      return "The likeliest cause: the restitution scatters from impact to impact.";
+    case Cause::drift:
+      return "The likeliest cause: the motion drifts from the model at random, by a disturbance or "
+             "a missing mode.";
+    case Cause::restitution_by_time:
+      return "The likeliest cause: the restitution changes during the record.";
+    case Cause::friction:
+      return "The likeliest cause: each impact loses a constant speed, as by friction.";
+    case Cause::soft_stop:
+      return "The likeliest cause: contacts last, as at a stop that gives way.";
+    case Cause::clock_rate:
+      return "The likeliest cause: the contact clock runs at another rate; free clock.rate.";
+    case Cause::none:
+      break;
+  }
+  return "No cause that is looked for explains it: the restitution, friction, a soft stop, a drift "
+         "or the clock.";
+}
+
 std::string of_wrong_model(const Identification& fit) {
   switch (fit.misfit) {
     case Misfit::prediction:
       return "The fit to the first four fifths of the record does not predict the last fifth. "
-             "Something changes meanwhile, or the model lacks an effect.";
+             "Something changes meanwhile, or the model lacks an effect. " +
+             of_cause(fit);
     case Misfit::structured:
       return "The scatter of the event times depends on the motion, so that it is not a jitter. "
-             "The "
-             "model lacks an effect or a mode, or a parameter that is not sought is wrong.";
-    case Misfit::start:
-      return "The motion at the start would be far larger than the impacts show. The model lacks "
-             "an "
-             "effect, or a parameter that is not sought is wrong.";
+             "The model lacks an effect or a mode, or a parameter that is not sought is wrong. " +
+             of_cause(fit);
     default:
       return "The event times scatter by " + short_number(fit.scatter, 3) +
              (fit.jitter_given
@@ -41,7 +63,7 @@ std::string of_wrong_model(const Identification& fit) {
                         " s. The jitter is specified too small, the model lacks an "
                         "effect or a mode, or"
                   : " s, which is no jitter. The model lacks an effect or a mode, or") +
-             " a parameter that is not sought is wrong.";
+             " a parameter that is not sought is wrong. " + of_cause(fit);
   }
 }
 
@@ -76,6 +98,28 @@ std::string pace_of_clock(double rate) {
   const std::string size = error < many_ppm ? short_number(1e6 * error, 4) + " ppm"
                                             : short_number(100.0 * error, 4) + " %";
   return size + (rate > 1.0 ? " fast" : " slow");
+}
+
+const char* name_of(Cause cause) {
+  switch (cause) {
+    case Cause::restitution_by_speed:
+      return "restitution_by_speed";
+    case Cause::restitution_scatter:
+      return "restitution_scatter";
+    case Cause::drift:
+      return "drift";
+    case Cause::restitution_by_time:
+      return "restitution_by_time";
+    case Cause::friction:
+      return "friction";
+    case Cause::soft_stop:
+      return "soft_stop";
+    case Cause::clock_rate:
+      return "clock_rate";
+    case Cause::none:
+      break;
+  }
+  return "none";
 }
 
 const char* name_of(FitProblem problem) {
@@ -154,7 +198,8 @@ std::string reason_of(const Identification& fit) {
       }
       return text +
              ". At least 90 % must be used. The likeliest reasons: a wrong model, or a sensor "
-             "that reports several events for an impact.";
+             "that reports several events for an impact." +
+             (fit.departure.cause == Cause::none ? "" : " " + of_cause(fit));
     }
     case FitProblem::merged_bounces:
       return "Many impacts of the model follow others sooner than any recorded event does. The "
@@ -162,10 +207,10 @@ std::string reason_of(const Identification& fit) {
              "merges such bounces. Keep fewer modes (`reduce`), so that the model has no faster "
              "bounces than the sensor resolves.";
     case FitProblem::lost_or_spurious_events:
-      return "The machine would be inside a support between t = " +
-             short_number(fit.inside_from, 9) + " and " + short_number(fit.inside_to, 9) +
-             ". An event is lost there or another one is spurious, or the scene's contacts are "
-             "wrong.";
+      return "Between t = " + short_number(fit.inside_from, 9) + " and " +
+             short_number(fit.inside_to, 9) +
+             " the machine would have other impacts than the record. Events are lost there or "
+             "spurious, more than can be told, or the scene's contacts are wrong.";
     case FitProblem::bound_reached: {
       const FittedUnknown& of = fit.unknowns[static_cast<std::size_t>(fit.culprit)];
       if (of.unknown.kind == Unknown::Kind::delay) {

@@ -11,6 +11,9 @@ namespace sprag {
 /// Name of a problem in reports: "none", "no_convergence", "events_left_out", ...
 const char* name_of(FitProblem problem);
 
+/// Name of a cause in reports: "none", "restitution_by_speed", ...
+const char* name_of(Cause cause);
+
 /// One clause without a full stop: "the events fit, with 7 parameters as found".
 std::string verdict_of(const Identification& fit);
 

@@ -9,8 +9,8 @@ namespace {
 constexpr std::size_t longest_window = 160;
 
 // The events of the search's first grid, and some more to judge the fit.
-std::size_t first_size(const MachineFamily& family) {
-  const auto f = static_cast<std::size_t>(family.n());
+std::size_t first_size(const SceneValues& family) {
+  const auto f = static_cast<std::size_t>(family.nominal().model.coordinates());
   return std::max(6 * f + 6, 2 * f + family.unknowns().size() + 8);
 }
 

@@ -162,6 +162,14 @@ bool is_on_ground(const ShakenFrame& frame, int contact) {
 
 }  // namespace
 
+Eigen::VectorXd nominal_values(const std::vector<Unknown>& unknowns) {
+  Eigen::VectorXd values(std::ssize(unknowns));
+  for (Eigen::Index k = 0; k < values.size(); ++k) {
+    values[k] = unknowns[static_cast<std::size_t>(k)].nominal;
+  }
+  return values;
+}
+
 double only_frequency(const Model& model) {
   double common = 0.0;
   bool differ = false;

@@ -45,6 +45,9 @@ Unknown unknown_of(const Scene& scene, std::string_view key);
 /// Parameters with these keys.
 std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys);
 
+/// Their values in the scene, P entries.
+Eigen::VectorXd nominal_values(const std::vector<Unknown>& unknowns);
+
 /// Common frequency [rad per unit of time] of all harmonics with an amplitude; 0: they differ.
 double only_frequency(const Model& model);
 

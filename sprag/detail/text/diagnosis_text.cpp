@@ -140,7 +140,7 @@ std::string to_text(const Diagnosis& diagnosis) {
           short_number(diagnosis.to, 4) + ", event times ";
   text += diagnosis.jitter > 0.0 ? "with a jitter of " + short_number(diagnosis.jitter, 3) + " s.\n"
                                  : "as exact.\n";
-  if (diagnosis.misfit <= diagnosis.largest_misfit) {
+  if (diagnosis.misfit <= diagnosis.largest_misfit && !diagnosis.is_repaired()) {
     text += "The model as it is predicts them: mean square " + short_number(diagnosis.misfit, 3) +
             " of the expected one.\n";
   } else {

@@ -93,26 +93,31 @@ void append_causes(const IdentifyResult& result, std::string& text) {
   }
 }
 
+std::string drift_text(const DriftEstimate& drift) {
+  return "The machine drifts from its model: drift " + short_number(drift.drift, 2) + " (" +
+         short_number(drift.low, 2) + " to " + short_number(drift.high, 2) +
+         "), jitter beside it " + short_number(drift.jitter, 3) + " s.";
+}
+
 void append_model_error(const IdentifyResult& result, std::string& text) {
   const Departure& error = result.fit.departure;
   if (result.fit.record_errors.explains(result.fit.scatter)) {
     text += "The recorded input explains the scatter; a drift of the machine is not visible.\n";
   } else if (error.is_drift()) {
-    const DriftEstimate& drift = *error.drift;
-    text += "The machine drifts from its model: drift " + short_number(drift.drift, 2) + " (" +
-            short_number(drift.low, 2) + " to " + short_number(drift.high, 2) +
-            "), jitter beside it " + short_number(drift.jitter, 3) +
-            " s. The deviations below include it.\n";
+    text += drift_text(*error.drift) + " The deviations below include it.\n";
   } else if (error.is_scatter()) {
     text += "The restitution scatters from impact to impact by " +
             short_number(error.scatter->scatter, 2) + ", jitter beside it " +
             short_number(error.scatter->jitter, 3) + " s. The deviations below include it.\n";
+    const double than_drift = error.scatter->gain - (error.drift ? error.drift->gain : 0.0);
+    if (std::abs(than_drift) < significant_departure)
+      text += "A drift explains the events about as well. " + drift_text(*error.drift) + '\n';
   } else if (error.drift && error.drift->high > 0.0) {
     text += "No drift from the model is found; it is below " + short_number(error.drift->high, 2) +
             " (95 %).\n";
   }
-  if (!error.trend_beside) return;
-  const RestitutionTrend& trend = *error.trend_beside;
+  if (!error.trend) return;
+  const RestitutionTrend& trend = *error.trend;
   if (!trend.found()) {
     text += "No dependence of the restitution on the impact's speed is found: " +
             rounded_to_sigma(trend.trend, trend.sigma) + " +- " + short_number(trend.sigma, 2) +

@@ -1,0 +1,174 @@
+#include "sprag/detail/identification/fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "sprag/detail/identification/judgement.h"
+#include "sprag/detail/parameters/unknowns.h"
+
+namespace sprag {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+// Events closer together than this cannot be distinguished: in sigmas of the times, and in usual
+// intervals with a given jitter and without one.
+constexpr double close_in_sigmas = 6.0, close_if_given = 1e-6, close_in_intervals = 3e-4;
+
+// Scatter about a path that follows the events roughly, in usual intervals.
+constexpr double roughly = 0.02;
+
+std::string keys_of(const std::vector<Unknown>& unknowns) {
+  std::string keys;
+  for (const Unknown& unknown : unknowns) keys += (keys.empty() ? "" : ", ") + unknown.key;
+  return keys.empty() ? "the start alone" : keys;
+}
+
+class Fitter {
+ public:
+  Fitter(const Scene& scene, std::span<const ContactEvent> events,
+         const IdentificationSettings& settings)
+      : context_{scene, events, settings, record_},
+        solver_(scene, settings.unknowns, settings.strictly_within) {
+    if (is_homogeneous(scene.model)) solver_.fix_speed();
+    const double interval = usual_interval(events);
+    const double close =
+        settings.jitter ? std::max(close_in_sigmas * *settings.jitter, close_if_given * interval)
+                        : close_in_intervals * interval;
+    solver_.flight().set(VectorXd::Zero(solver_.parameters()), false);
+    record_ = fit_record(events, settings, close, solver_.flight());
+    require_enough();
+  }
+
+  EventIdentification run() {
+    const IdentificationSettings& settings = context_.settings;
+    EventIdentification best = identified(settings.jitter, settings.mend, negligible_scatter);
+    // The times may scatter by more than the given jitter: one path through more of the events.
+    if (settings.jitter && is_broken(best)) {
+      take_longer(identified(std::nullopt, settings.mend, negligible_scatter), best);
+    }
+    if (settings.approximate && is_broken(best)) {
+      take_longer(identified(std::nullopt, false, roughly), best);
+    }
+    return best;
+  }
+
+ private:
+  // Whether no path follows nearly all of the events.
+  static bool is_broken(const EventIdentification& of) {
+    const FitProblem problem = of.result.problem;
+    return problem == FitProblem::no_convergence || problem == FitProblem::events_left_out ||
+           problem == FitProblem::merged_bounces || problem == FitProblem::lost_or_spurious_events;
+  }
+
+  static void take_longer(EventIdentification other, EventIdentification& best) {
+    if (other.result.problem == FitProblem::no_convergence) return;
+    const bool longer = best.result.problem == FitProblem::no_convergence ||
+                        other.result.stretches < best.result.stretches ||
+                        other.fit.events() > best.fit.events();
+    if (longer) best = std::move(other);
+  }
+
+  // `jitter`, `changes` and `neglected`: for the search. The verdict is by the given jitter.
+  EventIdentification identified(std::optional<double> jitter, bool changes, double neglected) {
+    FitSearch search(solver_, record_, jitter, changes, neglected);
+    progress("all", context_.settings.unknowns);
+    std::vector<Chain> chains = search.run();
+    if ((chains.empty() || !search.explains(chains.front())) && solver_.parameters() > 1) {
+      const std::vector<VectorXd> starts = from_fewer(jitter, changes, neglected);
+      if (!starts.empty()) {
+        std::vector<Chain> others = search.run(starts);
+        chains.insert(chains.end(), others.begin(), others.end());
+        std::stable_sort(chains.begin(), chains.end(), [&](const Chain& a, const Chain& b) {
+          return search.price(a) < search.price(b);
+        });
+      }
+    }
+    EventIdentification identified;
+    if (chains.empty()) {
+      identified.result.problem = FitProblem::no_convergence;
+      identified.result.fitted = context_.scene;
+      identified.result.interval = record_.interval;
+      identified.result.freedom = static_cast<int>(search.usable());
+      return identified;
+    }
+    chains.front().sort_by_time();
+    identified.result = judge(context_, solver_, search, chains);
+    identified.fit = std::move(chains.front().fit);
+    return identified;
+  }
+
+  void progress(const char* what, const std::vector<Unknown>& unknowns) const {
+    const auto& report = context_.settings.progress;
+    if (report) report(std::string(what) + ": " + keys_of(unknowns));
+  }
+
+  // Coordinates of all parameters where one of them alone, or none, explains the record.
+  std::vector<VectorXd> from_fewer(std::optional<double> jitter, bool changes, double neglected) {
+    std::vector<VectorXd> starts;
+    const std::vector<Unknown>& all = context_.settings.unknowns;
+    for (std::size_t k = 0; k <= all.size(); ++k) {
+      IdentificationSettings settings = context_.settings;
+      settings.unknowns.clear();
+      if (k > 0) settings.unknowns.push_back(all[k - 1]);
+      progress("fewer", settings.unknowns);
+      GaussNewton solver(context_.scene, settings.unknowns, settings.strictly_within);
+      if (is_homogeneous(context_.scene.model)) solver.fix_speed();
+      FitSearch search(solver, record_, jitter, changes, neglected);
+      const std::vector<Chain> chains = search.run();
+      if (chains.empty() || !search.explains(chains.front())) continue;
+      VectorXd c = VectorXd::Zero(solver_.parameters());
+      if (k > 0) c[static_cast<Index>(k) - 1] = chains.front().fit.point.c[0];
+      starts.push_back(std::move(c));
+    }
+    return starts;
+  }
+
+  // An estimated jitter is an unknown, too: it needs more equations than unknowns.
+  void require_enough() const {
+    const auto P = static_cast<std::size_t>(solver_.parameters());
+    const auto of_start = static_cast<std::size_t>(2 * solver_.n());
+    if (record_.stretches.empty() || record_.stretches.front().size() < of_start + 2) {
+      throw TooFewImpacts("no part of the record has " + std::to_string(of_start + 2) +
+                          " single impacts in a row; the start alone takes " +
+                          std::to_string(of_start));
+    }
+    const bool given = context_.settings.jitter.has_value();
+    std::size_t counted = 0, stretches = 0;
+    for (const FitStretch& stretch : record_.stretches) {
+      if (stretch.size() < of_start + 2) continue;
+      counted += stretch.size();
+      ++stretches;
+    }
+    const std::size_t needed = P * (given ? 1 : 2) + of_start * stretches + 2;
+    if (counted >= needed) return;
+    throw TooFewImpacts("the record has " + std::to_string(counted) + " impacts that count; " +
+                        std::to_string(needed) + " are needed at least for " +
+                        std::to_string(P + of_start * stretches) + " unknowns" +
+                        (given ? "" : " and a jitter that is not given"));
+  }
+
+  FitRecord record_;
+  SearchContext context_;
+  GaussNewton solver_;
+};
+
+}  // namespace
+
+EventIdentification fit_events(const Scene& scene, std::span<const ContactEvent> events,
+                               const IdentificationSettings& settings) {
+  const std::vector<RecordedInput> records = recorded_inputs(scene);
+  const bool noisy = std::any_of(records.begin(), records.end(), [](const RecordedInput& record) {
+    return record.input->noise() > 0.0;
+  });
+  if (!noisy) return Fitter(scene, events, settings).run();
+  // A noisy record makes event times scatter by more than their jitter, and not independently.
+  IdentificationSettings of_record = settings;
+  of_record.jitter.reset();
+  of_record.white = false;
+  return Fitter(scene, events, of_record).run();
+}
+
+}  // namespace sprag
