@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <chrono>
 #include <iostream>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -332,6 +333,18 @@ CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
                       const std::string& type, const std::string& help) {
   return app.add_option(name, value, help)->type_name(type);
+}
+
+std::function<void(std::string_view)> progress_on_stderr() {
+  using Clock = std::chrono::steady_clock;
+  static constexpr std::chrono::seconds silence(2), interval(1);
+  return [start = Clock::now(), next = Clock::now() + silence](std::string_view what) mutable {
+    const Clock::time_point now = Clock::now();
+    if (now < next) return;
+    next = now + interval;
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(now - start).count();
+    std::cerr << seconds << " s: " << what << '\n';
+  };
 }
 
 int run_program(int argc, const char* const* argv, CLI::App& app, const CommonOptions& options,

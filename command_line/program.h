@@ -12,6 +12,7 @@
 #include <span>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -166,6 +167,9 @@ nlohmann::ordered_json refusals(const std::array<std::int64_t, refusal_kinds>& r
 /// std::runtime_error if stdout cannot be written.
 void print_result(const nlohmann::ordered_json& object, const std::string& text, bool json,
                   nlohmann::ordered_json& report);
+
+/// Prints what a long computation is doing to stderr: after 2 s, and then at most once a second.
+std::function<void(std::string_view)> progress_on_stderr();
 
 /// Parses the command line, then calls `run`, which fills the report and returns an exit code.
 /// Until it returns, all output to std::cerr passes through printable_lines(), so that names in

@@ -320,6 +320,11 @@ void bind_identification(py::module_& module) {
           "misfit", [](const Class& of) { return name_of(of.result.fit.misfit); },
           "Evidence that the model is wrong: 'none', 'scatter', 'structured' or 'prediction'.")
       .def_property_readonly(
+          "cause", [](const Class& of) { return name_of(of.result.fit.departure.cause); },
+          "The likeliest departure from the model, if it is significant: 'none', 'drift', "
+          "'restitution_scatter', 'restitution_by_speed', 'restitution_by_time', 'friction', "
+          "'soft_stop' or 'clock_rate'.")
+      .def_property_readonly(
           "culprit",
           [](const Class& of) -> std::optional<std::string> {
             if (of.result.fit.culprit < 0) return std::nullopt;
@@ -399,19 +404,23 @@ void bind_diagnosis(py::module_& module) {
   module.def(
       "diagnose",
       [](const Scene& scene, const py::object& events, std::optional<double> jitter,
-         double duration) {
-        const double sigma = jitter.value_or(scene.prior.jitter);
-        if (!(sigma >= 0.0 && std::isfinite(sigma))) {
+         double duration, const py::object& free) {
+        DiagnosisSettings settings;
+        settings.jitter = jitter.value_or(scene.prior.jitter);
+        if (!(settings.jitter >= 0.0 && std::isfinite(settings.jitter))) {
           throw std::invalid_argument("jitter must be >= 0");
         }
+        settings.keys = keys_or_all(free).value_or(std::vector<std::string>());
         const EventList taken = in_order(events, scene, duration);
-        return long_call([&] { return diagnose(scene, taken, sigma); });
+        return long_call([&] { return diagnose(scene, taken, settings); });
       },
       py::arg("scene"), py::arg("events"), py::kw_only(), py::arg("jitter") = py::none(),
-      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      py::arg("duration") = std::numeric_limits<double>::infinity(), py::arg("free") = py::none(),
       "Whether contact events since t = 0 fit a scene and, if not, which single parameter would "
-      "explain them. jitter [s]: None takes the scene's. Raises sprag.Error for too few events, "
-      "ModelError or ValueError.");
+      "explain them. jitter [s]: None takes the scene's. free: the parameters that may be wrong, "
+      "as "
+      "for identify(); None: all. Raises sprag.Error for too few events, ModelError or "
+      "ValueError.");
 }
 
 // ---- smoothing

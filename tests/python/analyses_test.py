@@ -54,6 +54,7 @@ class IdentifyTest(unittest.TestCase):
         self.assertGreater(len(events), 60)
         fit = sprag.identify(rig(), events, jitter=1e-6, free=["impact.restitution", "system.C"])
         self.assertTrue(fit.fits, fit.problem)
+        self.assertEqual(fit.cause, "none")
         self.assertEqual(fit.keys, ["impact.restitution", "system.C"])
         value, sigma = fit.parameters["impact.restitution"]
         self.assertAlmostEqual(value, 0.55, delta=max(5 * sigma, 1e-6))

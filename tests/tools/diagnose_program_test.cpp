@@ -39,6 +39,24 @@ class DiagnoseProgramTest : public test::ProgramTest {
   }
 };
 
+TEST_F(DiagnoseProgramTest, IsIdentifyOneParameterAtATime) {
+  const std::string events = simulate("0.65");
+  const std::string keys = "impact.restitution,clock.offset";
+  const Ended ended = diagnose({events, paper_beam, "--free", keys, "--json"});
+  EXPECT_EQ(ended.code, 3) << ended.err;
+  const auto object = nlohmann::json::parse(ended.out);
+  ASSERT_EQ(object["parameters"].size(), 2U);
+  EXPECT_EQ(object["explanation"], "impact.restitution");
+  const Ended each = run(IDENTIFY, {events, paper_beam, "--each", "--free", keys, "--json"});
+  EXPECT_EQ(each.code, 3) << each.err;
+  EXPECT_EQ(each.out, ended.out);
+
+  const Ended unknown = diagnose({events, paper_beam, "--free", "mass"});
+  EXPECT_EQ(unknown.code, 2);
+  EXPECT_NE(unknown.err.find("mass"), std::string::npos) << unknown.err;
+  EXPECT_EQ(run(IDENTIFY, {events, paper_beam, "--each", "--accept"}).code, 2);
+}
+
 TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
   const std::string events = simulate("0.65");
   const Ended ended = diagnose({events, paper_beam, "--report", path("report.json")});

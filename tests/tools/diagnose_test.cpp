@@ -59,7 +59,7 @@ TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
       events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration);
   for (const double jitter : {0.0, mismatch.jitter}) {
     if (sanitized && jitter == 0.0) continue;
-    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), jitter);
+    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), {.jitter = jitter});
     const Candidate* best = diagnosis.explanation();
     std::cout << "seed 5, jitter " << jitter << ": " << verdict(diagnosis) << '\n';
     ASSERT_NE(best, nullptr) << to_text(diagnosis);
@@ -105,7 +105,8 @@ TEST_P(DiagnoseExactMismatch, IsNamedWithItsValue) {
   const Mismatch& mismatch = GetParam();
   const Scene scene = shipped_scene(mismatch.scene);
   const Diagnosis diagnosis = diagnose(
-      scene, events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration), 0.0);
+      scene, events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration),
+      {.jitter = 0.0});
   const Candidate* best = diagnosis.explanation();
   std::cout << verdict(diagnosis) << '\n';
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
@@ -130,8 +131,9 @@ TEST(Diagnose, TheRightModelFits) {
                            "paper_beam_as_printed", "non_proportional", "bouncing_ball",
                            "impact_oscillator", "lab_rig", "two_stops_beam", "two_supports_beam"}) {
     const Scene scene = shipped_scene(name);
-    const Diagnosis diagnosis = diagnose(
-        scene, events_of(scene, name == std::string("two_supports_beam") ? 5.0 : 15.0), 0.0);
+    const Diagnosis diagnosis =
+        diagnose(scene, events_of(scene, name == std::string("two_supports_beam") ? 5.0 : 15.0),
+                 {.jitter = 0.0});
     EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
     EXPECT_EQ(diagnosis.explanation(), nullptr);
     EXPECT_EQ(verdict(diagnosis), "events fit the model");
@@ -148,7 +150,7 @@ TEST(Diagnose, LostEventIsReported) {
   const std::size_t lost = events.size() / 2;
   const double t = events[lost].t;
   events.erase(events.begin() + static_cast<std::ptrdiff_t>(lost));
-  const Diagnosis diagnosis = diagnose(scene, events, 1e-5);
+  const Diagnosis diagnosis = diagnose(scene, events, {.jitter = 1e-5});
   EXPECT_FALSE(diagnosis.fits);
   EXPECT_TRUE(diagnosis.spurious.empty());
   ASSERT_EQ(diagnosis.missing.size(), 1U) << to_text(diagnosis);
@@ -166,9 +168,9 @@ TEST(Diagnose, DeviationsAreCalibrated) {
   double squares = 0.0;
   for (int seed = 1; seed <= runs; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
-    const Diagnosis of_right = diagnose(scene, jittered(right, 1e-4, number), 1e-4);
+    const Diagnosis of_right = diagnose(scene, jittered(right, 1e-4, number), {.jitter = 1e-4});
     EXPECT_TRUE(of_right.fits) << "seed " << seed << '\n' << to_text(of_right);
-    const Diagnosis of_wrong = diagnose(scene, jittered(wrong, 1e-4, number), 1e-4);
+    const Diagnosis of_wrong = diagnose(scene, jittered(wrong, 1e-4, number), {.jitter = 1e-4});
     const Candidate* best = of_wrong.explanation();
     ASSERT_NE(best, nullptr) << "seed " << seed << '\n' << to_text(of_wrong);
     ASSERT_EQ(best->parameter.key, "impact.restitution") << "seed " << seed;
@@ -183,7 +185,8 @@ TEST(Diagnose, DeviationsAreCalibrated) {
 
 TEST(Diagnose, UnspecifiedJitterIsNotAttributedToParameter) {
   const Scene scene = shipped_scene("paper_beam");
-  const Diagnosis diagnosis = diagnose(scene, jittered(events_of(scene, 100.0), 1e-4, 5), 0.0);
+  const Diagnosis diagnosis =
+      diagnose(scene, jittered(events_of(scene, 100.0), 1e-4, 5), {.jitter = 0.0});
   EXPECT_FALSE(diagnosis.fits);
   EXPECT_EQ(diagnosis.explanation(), nullptr) << to_text(diagnosis);
   EXPECT_NEAR(diagnosis.scatter, 1e-4, 3e-5);
@@ -202,19 +205,20 @@ TEST(Diagnose, TwoWrongParametersAreNotAttributedToOne) {
   const Scene beam = shipped_scene("paper_beam");
   const Scene wrong =
       changed(changed(beam, "beam.bending_stiffness", 1.02), "excitation.phase", 0.3);
-  expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), 0.0));
+  expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), {.jitter = 0.0}));
   // One of them alone leaves less than 1e-4 of the misfit, but more than the jitter.
   const Scene rig = shipped_scene("lab_rig");
   const Scene other =
       changed(changed(rig, "impact.restitution", 0.612), "contact.1.clearance", 0.00204);
-  expect_no_explanation(diagnose(rig, events_of(other, 30.0), 0.0));
+  expect_no_explanation(diagnose(rig, events_of(other, 30.0), {.jitter = 0.0}));
 }
 
 // The best one fits by its mean square; the second mistake is visible nevertheless.
 TEST(Diagnose, TwoWrongParametersAreNotAttributedToOneWithJitter) {
   const Scene scene = shipped_scene("lab_rig");
   const Scene other = changed(changed(scene, "force.1.frequency", 28.5386), "system.C", 1.03);
-  const Diagnosis diagnosis = diagnose(scene, jittered(events_of(other, 30.0), 1e-4, 5), 1e-4);
+  const Diagnosis diagnosis =
+      diagnose(scene, jittered(events_of(other, 30.0), 1e-4, 5), {.jitter = 1e-4});
   expect_no_explanation(diagnosis);
   EXPECT_EQ(diagnosis.candidates.front().parameter.key, "force.1.frequency");
   EXPECT_TRUE(diagnosis.candidates.front().fits);
@@ -266,7 +270,7 @@ TEST(Diagnose, LeavesLocalMinimumForGlobalOne) {
   // Only the transient distinguishes the two values, and its share decreases with the duration.
   for (const double duration : {15.0, 60.0, 200.0}) {
     SCOPED_TRACE(duration);
-    const Diagnosis diagnosis = diagnose(scene, events_of(wrong, duration), 0.0);
+    const Diagnosis diagnosis = diagnose(scene, events_of(wrong, duration), {.jitter = 0.0});
     const Candidate* best = diagnosis.explanation();
     ASSERT_NE(best, nullptr) << to_text(diagnosis);
     EXPECT_EQ(best->parameter.key, "beam.bending_stiffness") << to_text(diagnosis);
@@ -318,7 +322,7 @@ TEST_P(DiagnoseRandomMistakes, SingleOnesAreNamed) {
     Master master(other.model, other.truth.start);
     std::vector<ContactEvent> of;
     master.advance(at(1000.0), of, events);
-    return diagnose(scene, of, 0.0);
+    return diagnose(scene, of, {.jitter = 0.0});
   };
   for (int seed = 1; seed <= (sanitized ? 1 : GetParam().seeds); ++seed) {
     Random random(static_cast<std::uint64_t>(seed));
@@ -354,8 +358,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, DiagnoseRandomMistakes,
 // Without a clearance all motions scale with the excitation, and contact times do not change.
 TEST(Diagnose, AmplitudeIsUnidentifiableWithoutClearance) {
   const Scene scene = shipped_scene("paper_beam");
-  const Diagnosis diagnosis =
-      diagnose(scene, events_of(changed(scene, "excitation.amplitude", 0.031), 60.0), 0.0);
+  const Diagnosis diagnosis = diagnose(
+      scene, events_of(changed(scene, "excitation.amplitude", 0.031), 60.0), {.jitter = 0.0});
   EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
   for (const Candidate& candidate : diagnosis.candidates) {
     EXPECT_EQ(candidate.determined, candidate.parameter.key != "excitation.amplitude");
@@ -367,7 +371,7 @@ TEST(Diagnose, IndistinguishableParametersTie) {
   const Scene scene = shipped_scene("paper_beam_frame");
   const auto events = events_of(changed(scene, "excitation.amplitude", 0.031), 60.0);
   for (const double jitter : {0.0, 1e-5}) {
-    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), jitter);
+    const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), {.jitter = jitter});
     const Candidate* best = diagnosis.explanation();
     ASSERT_NE(best, nullptr) << to_text(diagnosis);
     const auto ties = diagnosis.ties();
@@ -412,7 +416,7 @@ TEST(Diagnose, ClockOffsetIsFoundWithTwoFrequencies) {
   const Scene scene = parse_scene(two_frequencies, "two_frequencies.toml");
   std::vector<ContactEvent> events = events_of(scene, 60.0);
   for (ContactEvent& event : events) event.t += 0.004;
-  const Diagnosis diagnosis = diagnose(scene, events, 0.0);
+  const Diagnosis diagnosis = diagnose(scene, events, {.jitter = 0.0});
   const Candidate* best = diagnosis.explanation();
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
   EXPECT_EQ(best->parameter.key, "clock.offset") << to_text(diagnosis);
@@ -425,7 +429,7 @@ TEST(Diagnose, ClockOffsetIsReportedAsPhaseWithOneFrequency) {
   const Scene scene = shipped_scene("paper_beam");
   std::vector<ContactEvent> events = events_of(scene, 60.0);
   for (ContactEvent& event : events) event.t += 0.004;
-  const Diagnosis diagnosis = diagnose(scene, events, 0.0);
+  const Diagnosis diagnosis = diagnose(scene, events, {.jitter = 0.0});
   const Candidate* best = diagnosis.explanation();
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
   EXPECT_EQ(best->parameter.key, "excitation.phase");
@@ -468,7 +472,8 @@ q = [0.1]
   for (const auto& of : cases) {
     std::vector<ContactEvent> events = events_of(of.scene, of.duration);
     for (ContactEvent& event : events) event.t *= of.rate;
-    const Diagnosis diagnosis = diagnose(of.scene, jittered(events, of.jitter, 5), of.jitter);
+    const Diagnosis diagnosis =
+        diagnose(of.scene, jittered(events, of.jitter, 5), {.jitter = of.jitter});
     std::cout << "seed 5: " << verdict(diagnosis) << '\n';
     const Candidate* best = diagnosis.explanation();
     ASSERT_NE(best, nullptr) << to_text(diagnosis);
@@ -487,7 +492,7 @@ TEST(Diagnose, RateOfABallsClockIsNotDetermined) {
   const Scene ball = shipped_scene("bouncing_ball");
   std::vector<ContactEvent> events = events_of(ball, 7.0);
   for (ContactEvent& event : events) event.t *= 1.0002;
-  const Diagnosis diagnosis = diagnose(ball, jittered(events, 1e-5, 5), 1e-5);
+  const Diagnosis diagnosis = diagnose(ball, jittered(events, 1e-5, 5), {.jitter = 1e-5});
   EXPECT_TRUE(diagnosis.fits) << to_text(diagnosis);
   EXPECT_NE(to_text(diagnosis).find("clock.rate is not determined: the machine has no stiffness"),
             std::string::npos)
@@ -501,8 +506,8 @@ TEST(Diagnose, RateOfABallsClockIsNotDetermined) {
 
 TEST(Diagnose, TooFewEventsGiveNoDiagnosis) {
   const Scene scene = shipped_scene("paper_beam");
-  EXPECT_THROW(diagnose(scene, {}, 0.0), TooFewEvents);
-  EXPECT_THROW(diagnose(scene, events_of(scene, 3.0), 0.0), TooFewEvents);
+  EXPECT_THROW(diagnose(scene, {}, {.jitter = 0.0}), TooFewEvents);
+  EXPECT_THROW(diagnose(scene, events_of(scene, 3.0), {.jitter = 0.0}), TooFewEvents);
 }
 
 }  // namespace

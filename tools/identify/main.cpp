@@ -17,24 +17,34 @@ int main(int argc, char** argv) {
   sprag::add_scene(*app, common, run.scene);
   sprag::add_text(*app, "--free", run.sought.free, "NAME,...",
                   "Parameters that are sought, by their keys in the scene, or all");
-  sprag::add_text(*app, "--known", run.sought.known, "NAME,...",
-                  "Parameters that are correct; a known clearance also sets the scale");
-  sprag::add_text(*app, "--within", run.sought.within, "SHARE",
-                  "How far each may be off, default 0.2; NAME=SHARE,... of single ones");
+  CLI::Option* known =
+      sprag::add_text(*app, "--known", run.sought.known, "NAME,...",
+                      "Parameters that are correct; a known clearance also sets the scale");
+  CLI::Option* within =
+      sprag::add_text(*app, "--within", run.sought.within, "SHARE",
+                      "How far each may be off, default 0.2; NAME=SHARE,... of single ones");
   sprag::add_positive(*app, "--jitter", jitter, "SIGMA",
                       "Standard deviation of the event times [s], in place of the scene's; without "
                       "either it is found");
   sprag::add_positive(*app, "--duration", run.duration, "T",
                       "Leave out events after this time [s]");
-  sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output,
-                  "FITTED.toml", "Write the scene with the fitted values, its comments kept");
-  sprag::add_file(*app, common, "--events", sprag::NamedFile::Use::written, run.events,
-                  "MENDED.csv",
-                  "Write the events as they were used: lost ones inserted, spurious ones marked");
-  sprag::add_flag(*app, "--accept", run.accept,
-                  "Take what does not fit as an effective model, what is left as its jitter");
-  sprag::add_flag(*app, "--no-drift-limit", run.no_drift_limit,
-                  "Where no drift is found, write none: not its 95 % limit");
+  CLI::Option* output =
+      sprag::add_file(*app, common, "--output", sprag::NamedFile::Use::written, run.output,
+                      "FITTED.toml", "Write the scene with the fitted values, its comments kept");
+  CLI::Option* mended = sprag::add_file(
+      *app, common, "--events", sprag::NamedFile::Use::written, run.events, "MENDED.csv",
+      "Write the events as they were used: lost ones inserted, spurious ones marked");
+  CLI::Option* accept =
+      sprag::add_flag(*app, "--accept", run.accept,
+                      "Take what does not fit as an effective model, what is left as its jitter");
+  CLI::Option* no_limit =
+      sprag::add_flag(*app, "--no-drift-limit", run.no_drift_limit,
+                      "Where no drift is found, write none: not its 95 % limit");
+  CLI::Option* each = sprag::add_flag(
+      *app, "--each", run.each, "One parameter at a time: which of them alone explains the events");
+  for (CLI::Option* other : {known, within, output, mended, accept, no_limit}) {
+    sprag::excludes(each, other);
+  }
   sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {

@@ -13,6 +13,7 @@
 #include "sprag/detail/identification/fitted_parameters.h"
 #include "sprag/detail/text/identification_text.h"
 #include "sprag/detail/text/printable.h"
+#include "tools/identify/each.h"
 #include "tools/identify/fitted_text.h"
 #include "tools/identify/json.h"
 #include "tools/identify/mended_events.h"
@@ -51,6 +52,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   if (!run.output.empty() && text.empty()) {
     throw UsageError("--output needs a scene file that can be read again, not a pipe");
   }
+  if (run.each) return run_each(run, scene, common, report);
   IdentifyRequest request = request_of(scene, run.sought);
   request.jitter = run.jitter;
   request.accept = run.accept;
@@ -63,6 +65,7 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
   settings.gaps = recorded.gaps;
   settings.begins = recorded.begins;
   settings.closed = recorded.closed;
+  settings.progress = progress_on_stderr();
   IdentifyResult result = identify_requested(scene, recorded.events, request, settings);
   const Departure& departure = result.fit.departure;
   if (run.no_drift_limit && !departure.is_drift() && !departure.is_scatter()) {
@@ -84,7 +87,8 @@ int run_identify(const IdentifyRun& run, const CommonOptions& common,
       write_scene(run, text, scene, result.fit);
     } else {
       note_unwritten(run.output,
-                     run.accept ? "--accept takes a wrong model, not values that are not unique" : "the events do not fit");
+                     run.accept ? "--accept takes a wrong model, not values that are not unique"
+                                : "the events do not fit");
     }
   }
   if (!recorded.whole) return exit_failed;

@@ -18,6 +18,7 @@ struct IdentifyRun {
   SoughtOptions sought;
   bool json = false;
   bool accept = false;
+  bool each = false;             ///< one unknown at a time, see each.h
   bool no_drift_limit = false;   ///< set: if no drift was found, no upper limit is written
   std::optional<double> jitter;  ///< [s]; empty: the scene's
   double duration = std::numeric_limits<double>::infinity();  ///< later events are ignored [s]

@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 #include <optional>
+#include <thread>
 
+#include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
@@ -41,8 +44,8 @@ double largest_misfit(int freedom) {
 
 // The parameters that may be wrong alone, with the range to search: up to 30 % off, a frequency 10
 // %, a damping 100 %. Several harmonics are taken together. The clock's offset is left out where it
-// is a phase.
-std::vector<Unknown> single_causes(const Scene& scene) {
+// is a phase, unless it is asked for.
+std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::string>& keys) {
   using Kind = Unknown::Kind;
   const std::vector<Unknown> common = common_unknowns(scene);
   const bool together = std::any_of(common.begin(), common.end(), is_common);
@@ -54,11 +57,16 @@ std::vector<Unknown> single_causes(const Scene& scene) {
     if (unknown.kind == Kind::constant || (together && of_one)) continue;
     causes.push_back(std::move(unknown));
   }
+  if (!keys.empty()) {
+    causes.clear();
+    for (const std::string& key : keys) causes.push_back(unknown_of(scene, key));
+  }
   for (Unknown& unknown : causes) {
     unknown.within = unknown.kind == Kind::damping     ? 1.0
                      : unknown.kind == Kind::frequency ? 0.1
                                                        : 0.3;
   }
+  if (!keys.empty()) return causes;
   for (Unknown& of_clock : clock_unknowns(scene)) {
     if (of_clock.kind == Kind::clock_rate || !is_phase) causes.push_back(std::move(of_clock));
   }
@@ -89,17 +97,17 @@ bool follows(const Identification& fit) {
 
 class Judge {
  public:
-  Judge(const Scene& scene, std::span<const ContactEvent> events, double jitter,
-        const Beginning& beginning)
+  Judge(const Scene& scene, std::span<const ContactEvent> events, const DiagnosisSettings& settings)
       : scene_(scene), events_(events) {
-    settings_.jitter = jitter;
-    settings_.begins = beginning.t;
-    settings_.closed = beginning.closed;
+    settings_.jitter = settings.jitter;
+    settings_.begins = settings.begins;
+    settings_.closed = settings.closed;
+    settings_.progress = settings.progress;
   }
 
   /// The path of the machine as it is, with the widest scatter if there is none. Empty if there are
   /// too few events.
-  std::optional<Identification> nominal() {
+  std::optional<Identification> nominal() const {
     std::optional<Identification> fit = identified({}, false);
     if (fit && !follows(*fit)) fit->scatter = widest * fit->interval;
     return fit;
@@ -107,17 +115,36 @@ class Judge {
 
   /// A fit with or without repairs of the events. Empty if no path follows them, or if there are
   /// too few.
-  std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) {
+  std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) const {
     std::optional<Identification> fit = identified(std::move(unknowns), mend);
     return fit && follows(*fit) ? std::move(fit) : std::nullopt;
   }
 
+  /// Fits of these sets of unknowns, on all cores.
+  std::vector<std::optional<Identification>> fits(
+      const std::vector<std::vector<Unknown>>& sets) const {
+    std::vector<std::optional<Identification>> fits(sets.size());
+    const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+    in_parallel(threads, static_cast<int>(sets.size()), [&](int i) {
+      const auto k = static_cast<std::size_t>(i);
+      fits[k] = fit(sets[k]);
+    });
+    return fits;
+  }
+
  private:
-  std::optional<Identification> identified(std::vector<Unknown> unknowns, bool mend) {
-    settings_.unknowns = std::move(unknowns);
-    settings_.mend = mend;
+  std::optional<Identification> identified(std::vector<Unknown> unknowns, bool mend) const {
+    IdentificationSettings settings = settings_;
+    settings.unknowns = std::move(unknowns);
+    settings.mend = mend;
+    if (settings_.progress) {
+      settings.progress = [this](std::string_view what) {
+        const std::lock_guard lock(mutex_);
+        settings_.progress(what);
+      };
+    }
     try {
-      return identify(scene_, events_, settings_);
+      return identify(scene_, events_, settings);
     } catch (const TooFewImpacts&) {
       return std::nullopt;
     }
@@ -126,6 +153,7 @@ class Judge {
   const Scene& scene_;
   std::span<const ContactEvent> events_;
   IdentificationSettings settings_;
+  mutable std::mutex mutex_;  // of settings_.progress
 };
 
 double squares_of(const Identification& fit) { return fit.scatter * fit.scatter * fit.freedom; }
@@ -204,8 +232,10 @@ const Candidate* Diagnosis::phase() const {
   return nullptr;
 }
 
-Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
-                   const Beginning& beginning) {
+Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events,
+                   const DiagnosisSettings& settings) {
+  const std::vector<Unknown> parameters = single_causes(scene, settings.keys);
+  const double jitter = settings.jitter;
   const int to_start = 2 * static_cast<int>(scene.model.coordinates());
   const int closings = closings_of(events, 1);
   const auto too_few = [&](const std::string& why) {
@@ -215,7 +245,7 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     throw too_few("this machine's state takes " + std::to_string(to_start) + " and its model " +
                   std::to_string(least_more_closings) + " more");
   }
-  Judge judge(scene, events, jitter, beginning);
+  const Judge judge(scene, events, settings);
   const std::optional<Identification> nominal = judge.nominal();
   if (!nominal) throw too_few("not enough of them are in a row for this machine's state");
   Diagnosis diagnosis;
@@ -240,11 +270,16 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
     std::optional<Identification> fit;
   };
   std::vector<Found> found;
-  const std::vector<Unknown> parameters = single_causes(scene);
   diagnosis.has_record = has_sampled_inputs(scene.model);
   if (!diagnosis.has_record) diagnosis.rate_ambiguity = rate_ambiguity(scene);
+  std::vector<std::vector<Unknown>> sets;
   for (const Unknown& parameter : parameters) {
-    auto fit = is_the_scale(scene, parameter) ? std::nullopt : judge.fit({parameter});
+    if (!is_the_scale(scene, parameter)) sets.push_back({parameter});
+  }
+  std::vector<std::optional<Identification>> fits = judge.fits(sets);
+  std::size_t next = 0;
+  for (const Unknown& parameter : parameters) {
+    auto fit = is_the_scale(scene, parameter) ? std::nullopt : std::move(fits[next++]);
     Candidate candidate = candidate_of(parameter, fit, *nominal, diagnosis);
     found.push_back({std::move(candidate), std::move(fit)});
   }
@@ -272,15 +307,18 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, dou
   // Exact times have no distribution to judge a gain by.
   const Candidate* best = diagnosis.explanation();
   if (!(jitter > 0.0) || best == nullptr) return diagnosis;
+  sets.clear();
   for (const Unknown& second : parameters) {
     const bool same = second.kind == best->parameter.kind &&
                       (second.index < 0 || second.index == best->parameter.index);
-    if (same) continue;
-    const auto both = judge.fit({best->parameter, second});
-    if (!both) continue;
-    const double gain = squares_of(*found.front().fit) - squares_of(*both);
+    if (!same) sets.push_back({best->parameter, second});
+  }
+  fits = judge.fits(sets);
+  for (std::size_t k = 0; k < sets.size(); ++k) {
+    if (!fits[k]) continue;
+    const double gain = squares_of(*found.front().fit) - squares_of(*fits[k]);
     if (gain > gain_of_second * of_events * of_events) {
-      diagnosis.candidates.front().improved_by = second.key;
+      diagnosis.candidates.front().improved_by = sets[k].back().key;
       break;
     }
   }

@@ -12,8 +12,10 @@
 // jitter alone, and no second parameter makes them significantly more likely.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "sprag/contact_event.h"
@@ -83,11 +85,14 @@ struct Diagnosis {
   const Candidate* phase() const;
 };
 
-/// Beginning of the record: all events after t [s] are known; and the contacts that were closed
-/// then.
-struct Beginning {
-  double t = 0.0;
-  ContactSet closed = 0;
+struct DiagnosisSettings {
+  double jitter = 0.0;    ///< sigma of event times, >= 0 [s]; 0: exact
+  double begins = 0.0;    ///< all events after this time are known [s]
+  ContactSet closed = 0;  ///< contacts that are closed then
+  /// Keys of the parameters that may be wrong; empty: all.
+  std::vector<std::string> keys = {};
+  /// Called with what is being tried, by one thread at a time; may be empty.
+  std::function<void(std::string_view)> progress = {};
 };
 
 /// There are too few events for a diagnosis.
@@ -95,9 +100,9 @@ struct TooFewEvents : Error {
   using Error::Error;
 };
 
-/// Diagnoses a scene. `jitter` >= 0 [s]. Throws TooFewEvents, and ModelError if M is not positive
-/// definite.
-Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events, double jitter,
-                   const Beginning& beginning = {});
+/// Throws TooFewEvents, std::invalid_argument for a key that the scene does not have, and
+/// ModelError if M is not positive definite.
+Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events,
+                   const DiagnosisSettings& settings);
 
 }  // namespace sprag

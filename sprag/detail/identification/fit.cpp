@@ -73,8 +73,8 @@ class Fitter {
 
   // `jitter`, `changes` and `neglected`: for the search. The verdict is by the given jitter.
   EventIdentification identified(std::optional<double> jitter, bool changes, double neglected) {
-    FitSearch search(solver_, record_, jitter, changes, neglected);
-    progress("all", context_.settings.unknowns);
+    FitSearch search(solver_, record_, jitter, changes, neglected,
+                     progress(context_.settings.unknowns));
     std::vector<Chain> chains = search.run();
     if ((chains.empty() || !search.explains(chains.front())) && solver_.parameters() > 1) {
       const std::vector<VectorXd> starts = from_fewer(jitter, changes, neglected);
@@ -95,14 +95,22 @@ class Fitter {
       return identified;
     }
     chains.front().sort_by_time();
+    if (context_.settings.progress) {
+      context_.settings.progress(keys_of(context_.settings.unknowns) + ": intervals and causes");
+    }
     identified.result = judge(context_, solver_, search, chains);
     identified.fit = std::move(chains.front().fit);
     return identified;
   }
 
-  void progress(const char* what, const std::vector<Unknown>& unknowns) const {
+  // Reports what is tried.
+  std::function<void(std::size_t)> progress(const std::vector<Unknown>& unknowns) const {
     const auto& report = context_.settings.progress;
-    if (report) report(std::string(what) + ": " + keys_of(unknowns));
+    if (!report) return {};
+    return [&report, tried = keys_of(unknowns), all = record_.events](std::size_t events) {
+      report(tried + ": a path through " + std::to_string(events) + " of " + std::to_string(all) +
+             " events");
+    };
   }
 
   // Coordinates of all parameters where one of them alone, or none, explains the record.
@@ -113,10 +121,9 @@ class Fitter {
       IdentificationSettings settings = context_.settings;
       settings.unknowns.clear();
       if (k > 0) settings.unknowns.push_back(all[k - 1]);
-      progress("fewer", settings.unknowns);
       GaussNewton solver(context_.scene, settings.unknowns, settings.strictly_within);
       if (is_homogeneous(context_.scene.model)) solver.fix_speed();
-      FitSearch search(solver, record_, jitter, changes, neglected);
+      FitSearch search(solver, record_, jitter, changes, neglected, progress(settings.unknowns));
       const std::vector<Chain> chains = search.run();
       if (chains.empty() || !search.explains(chains.front())) continue;
       VectorXd c = VectorXd::Zero(solver_.parameters());

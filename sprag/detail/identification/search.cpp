@@ -57,13 +57,14 @@ FitPoint recorded_point(const std::vector<FitStretch>& parts, const GaussNewton:
 }  // namespace
 
 FitSearch::FitSearch(GaussNewton& solver, const FitRecord& record, std::optional<double> jitter,
-                     bool changes, double neglected)
+                     bool changes, double neglected, std::function<void(std::size_t)> progress)
     : solver_(&solver),
       record_(&record),
       jitter_(jitter),
       changes_(changes),
       neglected_(neglected),
-      floor_(rounding_of_times * record.end) {
+      floor_(rounding_of_times * record.end),
+      progress_(std::move(progress)) {
   if (jitter_) jitter_ = std::max(*jitter_, floor_);
   solver_->resolve(jitter_.value_or(negligible_scatter * record.interval));
 }
@@ -144,9 +145,17 @@ std::size_t FitSearch::usable() const {
   return std::max(events, record_->stretches.front().size());
 }
 
+void FitSearch::report(const std::vector<FitStretch>& parts) const {
+  if (!progress_) return;
+  std::size_t events = 0;
+  for (const FitStretch& part : parts) events += part.size();
+  progress_(events);
+}
+
 // Fits parts that differ little from those of a fit, from its point, and from the recorded times
 // where this fails.
 std::optional<EventFit> FitSearch::refit(std::vector<FitStretch> parts, const EventFit& from) {
+  report(parts);
   const GaussNewton::Held held = solver_->hold(parts, from.point.c, 6);
   const bool holds = held.rms < 2.0 * largest_scatter * record_->interval;
   FitPoint recorded = recorded_point(parts, held);
@@ -215,6 +224,7 @@ bool FitSearch::agrees(const EventFit& wider, const EventFit& fit, double added)
 std::vector<Chain> FitSearch::candidates(const std::vector<Piece>& pieces) {
   std::vector<FitStretch> parts;
   for (const Piece& piece : pieces) parts.push_back(piece.part);
+  report(parts);
   const Index P = solver_->parameters();
   std::size_t count = P == 0 ? 0 : points_of_one;
   const std::size_t most = pieces.size() > 1 ? points_of_split : most_points;
@@ -267,6 +277,7 @@ bool FitSearch::replace(Chain& chain, std::size_t piece, Piece by, double added)
 // Extends a piece by as many events as agree, down to one at a time.
 void FitSearch::grow(Chain& chain, std::size_t piece, bool forwards, bool repairs) {
   const FitStretch& stretch = record_->stretches[chain.pieces[piece].stretch];
+  std::size_t failed = stretch.size();  // by so many events
   for (;;) {
     const Piece& now = chain.pieces[piece];
     std::size_t room = forwards ? stretch.size() - now.high : now.low;
@@ -276,8 +287,9 @@ void FitSearch::grow(Chain& chain, std::size_t piece, bool forwards, bool repair
       if (forwards && other.low >= now.high) room = std::min(room, other.low - now.high);
       if (!forwards && other.high <= now.low) room = std::min(room, now.low - other.high);
     }
-    std::size_t d = std::min(room, std::max<std::size_t>(1, (now.high - now.low) / 2));
-    for (; d >= 1; d /= 2) {
+    std::size_t d =
+        std::min(room, std::max<std::size_t>(1, std::min(now.high - now.low, failed) / 2));
+    for (; d >= 1; failed = d, d /= 2) {
       Piece wider{
           now.stretch, forwards ? now.low : now.low - d, forwards ? now.high + d : now.high, {}};
       if (forwards) {
@@ -291,12 +303,16 @@ void FitSearch::grow(Chain& chain, std::size_t piece, bool forwards, bool repair
       }
       if (replace(chain, piece, std::move(wider), static_cast<double>(d))) break;
     }
-    if (d > 0) continue;
+    if (d > 0) {
+      failed -= std::min(failed, d);
+      continue;
+    }
     const double most = largest_share_changed * static_cast<double>(record_->events);
     if (!repairs || !changes_ || room == 0 ||
         static_cast<double>(chain.changes.size()) >= std::max(1.0, most))
       return;
     if (!repair(chain, piece, forwards)) return;
+    failed = stretch.size();
   }
 }
 

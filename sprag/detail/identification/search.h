@@ -2,6 +2,7 @@
 // the window to the whole record, and hypotheses about events where it does not grow.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -51,8 +52,10 @@ class FitSearch {
  public:
   /// `changes`: events may be inserted and dropped.
   /// `neglected`: scatter that shows no error of the record, in usual intervals.
+  /// `progress`: called with the number of events that a path is sought through.
   FitSearch(GaussNewton& solver, const FitRecord& record, std::optional<double> jitter,
-            bool changes, double neglected = negligible_scatter);
+            bool changes, double neglected = negligible_scatter,
+            std::function<void(std::size_t)> progress = {});
 
   /// Explanations of the record, the best first. Empty: no window of events fits. The search tries
   /// the coordinates `starts` of the parameters before all others.
@@ -73,6 +76,7 @@ class FitSearch {
 
  private:
   std::vector<Eigen::VectorXd> design(std::size_t count) const;
+  void report(const std::vector<FitStretch>& parts) const;
   std::vector<Chain> candidates(const std::vector<Piece>& pieces);
   std::vector<std::vector<Piece>> windows(std::size_t number, bool split) const;
   void prune(Chain& chain);
@@ -124,6 +128,7 @@ class FitSearch {
   bool changes_;
   double neglected_;
   double floor_;
+  std::function<void(std::size_t)> progress_;
   std::vector<Eigen::VectorXd> starts_;
 };
 

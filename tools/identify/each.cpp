@@ -1,11 +1,15 @@
-#include "tools/diagnose/json.h"
+#include "tools/identify/each.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "command_line/program.h"
+#include "recording/recorded_events.h"
+#include "sprag/detail/analysis/diagnosis.h"
 #include "sprag/detail/text/diagnosis_text.h"
 
 namespace sprag {
+namespace {
 
 void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   object["scene"] = diagnosis.scene;
@@ -60,6 +64,26 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   if (phase != nullptr && phase->determined && diagnosis.only_frequency > 0.0) {
     object["clock_offset_instead_of_phase"] = -phase->change() / diagnosis.only_frequency;
   }
+}
+
+}  // namespace
+
+int run_each(const IdentifyRun& run, const Scene& scene, const CommonOptions& common,
+             nlohmann::ordered_json& report) {
+  DiagnosisSettings settings;
+  settings.jitter = run.jitter.value_or(scene.prior.jitter);
+  settings.keys = request_of(scene, run.sought).free.value_or(std::vector<std::string>());
+  settings.progress = progress_on_stderr();
+  const RecordedEvents recorded =
+      read_recorded_events(run.log, scene, run.duration, AfterLoss::dropped, common, report);
+  settings.begins = recorded.begins;
+  settings.closed = recorded.closed;
+  const Diagnosis diagnosis = diagnose(scene, recorded.events, settings);
+  nlohmann::ordered_json object;
+  write_json(diagnosis, object);
+  print_result(object, to_text(diagnosis), run.json, report);
+  if (!recorded.whole) return exit_failed;
+  return diagnosis.fits ? exit_done : exit_not_identified;
 }
 
 }  // namespace sprag

@@ -1,6 +1,6 @@
-// diagnose: whether recorded contact events fit a scene's machine, and which parameter is wrong.
+// diagnose: identify --each, by a name of its own.
 #include "command_line/program.h"
-#include "tools/diagnose/run.h"
+#include "tools/identify/run.h"
 
 int main(int argc, char** argv) {
   const auto app = sprag::command_line(
@@ -8,12 +8,15 @@ int main(int argc, char** argv) {
       "single parameter would explain them. Exit code 0: they fit, 3: they do not.",
       "diagnose");
   sprag::CommonOptions common;
-  sprag::DiagnoseRun run;
+  sprag::IdentifyRun run;
+  run.each = true;
   double jitter = 0.0;
   sprag::add_common_options(*app, common);
   sprag::add_file(*app, common, "LOG", sprag::NamedFile::Use::read, run.log, "",
                   "LCM log or events CSV");
   sprag::add_scene(*app, common, run.scene);
+  sprag::add_text(*app, "--free", run.sought.free, "NAME,...",
+                  "Parameters that may be wrong, by their keys in the scene, or all");
   sprag::add_flag(*app, "--json", run.json, "Print one JSON object");
   sprag::add_positive(*app, "--jitter", jitter, "SIGMA",
                       "Standard deviation of the event times [s], in place of the scene's");
@@ -22,6 +25,6 @@ int main(int argc, char** argv) {
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     if (jitter > 0.0) run.jitter = jitter;
-    return sprag::run_diagnose(run, common, report);
+    return sprag::run_identify(run, common, report);
   });
 }
