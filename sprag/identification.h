@@ -4,11 +4,11 @@
 /// One least-squares problem over the parameters, the starts of the stretches and the true times of
 /// the events (gauss_newton.h). The search begins on a window of events, grows it to the whole
 /// record, and inserts or drops an event where the record cannot be followed and the likelihood
-/// gains (search.h). A table of checks gives the verdict (judgement.h): the search has converged, and
-/// the fit uses at least 90 % of the events; no value is beyond its range; the times scatter as their
-/// jitter, chi^2 / freedom < 1 + 6 sqrt(2 / freedom), and no departure from the model explains them
-/// better (Cause); the first four fifths of the record predict the last fifth; other values do not
-/// explain the events as well.
+/// gains (search.h). A table of checks gives the verdict (judgement.h): the search has converged,
+/// and the fit uses at least 90 % of the events; no value is beyond its range; the times scatter as
+/// their jitter, chi^2 / freedom < 1 + 6 sqrt(2 / freedom), and no departure from the model
+/// explains them better (Cause); the first four fifths of the record predict the last fifth; other
+/// values do not explain the events as well.
 ///
 /// Recorded inputs: record_errors.h adds the effect of their noise and resolution. If their samples
 /// have a stated noise, the jitter is estimated even if it is given, because the noise makes event
@@ -266,9 +266,9 @@ struct Identification {
   /// \brief Typical error of predicting each impact of the last fifth from those before it, with
   /// the fit to the first four fifths; and the same error within the first four fifths [s].
   double predicted = 0.0, predicted_before = 0.0;
-  State start, start_sigma;    ///< state at `start_t` and its standard deviations
-  double start_t = 0.0;        ///< machine's time by the fitted clock [s]
-  double begins = 0.0;         ///< begin of the recording, machine's time by the fitted clock [s]
+  State start, start_sigma;  ///< state at `start_t` and its standard deviations
+  double start_t = 0.0;      ///< machine's time by the fitted clock [s]
+  double begins = 0.0;       ///< begin of the recording, machine's time by the fitted clock [s]
   double inside_from = 0.0, inside_to = 0.0;  ///< for FitProblem::lost_or_spurious_events [s]
   std::vector<std::size_t> spurious;          ///< indices of spurious events
   std::vector<MissingImpact> missing;         ///< impacts without an event

@@ -26,8 +26,8 @@ double share(Random& draw, double least) {
 // The scene that the observer receives.
 Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
   const SceneValues family(machine, trial.only.empty()
-                                          ? unknowns_to_adapt(machine)
-                                          : std::vector{unknown_of(machine, trial.only)});
+                                        ? unknowns_to_adapt(machine)
+                                        : std::vector{unknown_of(machine, trial.only)});
   Eigen::VectorXd values = nominal_values(family.unknowns());
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
     const Unknown& unknown = family.unknowns()[k];
@@ -95,8 +95,8 @@ class MovingMaster {
           1.0 + trial_.moves[k].share * (piece_ + 0.5) / pieces();
     }
     begin_ = piece_ == 0 ? 0.0 : end(piece_ - 1);
-    master_.emplace(common::later(with(family_.nominal(), family_.unknowns(), values).model, begin_),
-                    state_);
+    master_.emplace(
+        common::later(with(family_.nominal(), family_.unknowns(), values).model, begin_), state_);
   }
 
   void advance_piece(Instant t, std::vector<ContactEvent>& events) {

@@ -27,8 +27,7 @@ Scene wrong_beam() {
   const std::vector<Unknown> unknowns = unknowns_to_adapt(scene);
   Eigen::VectorXd values = nominal_values(unknowns);
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
-    values[static_cast<Eigen::Index>(k)] +=
-        0.05 * unknowns[k].slope(unknowns[k].nominal);
+    values[static_cast<Eigen::Index>(k)] += 0.05 * unknowns[k].slope(unknowns[k].nominal);
   }
   values[4] = 0.001;  // the clearance
   values[6] = 0.05;   // the phase

@@ -77,7 +77,6 @@ TEST_P(DriftOfScenes, IsZeroForCorrectModel) {
 
 INSTANTIATE_TEST_SUITE_P(Scenes, DriftOfScenes, testing::Values("paper_beam", "non_proportional"));
 
-
 // Impacts with epsilon(v) = epsilon + trend v, in closed form.
 std::vector<ContactEvent> bounces(double epsilon, double trend, double jitter, std::uint64_t seed,
                                   double scatter = 0.0) {

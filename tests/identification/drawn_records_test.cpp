@@ -1,7 +1,5 @@
 // Identification of drawn records (studies/identification): would catch wrong values, sigmas that
 // claim too much or too little, unfound errors of the record, and wrong verdicts.
-#include "sprag/identification.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,6 +9,7 @@
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/identification.h"
 #include "studies/common/random.h"
 #include "studies/identification/records.h"
 #include "tests/support/repetitions.h"
@@ -32,8 +31,7 @@ std::vector<double> errors(const Record& record, const Identification& result) {
   for (std::size_t k = 0; k < result.unknowns.size(); ++k) {
     const FittedUnknown& of = result.unknowns[k];
     if (!of.determined || std::isnan(record.truth[k])) continue;
-    const double error =
-        std::abs(error_of(of.unknown, of.value, record.truth[k]));
+    const double error = std::abs(error_of(of.unknown, of.value, record.truth[k]));
     const double sigma = of.sigma / std::abs(of.unknown.slope(of.value));
     all.push_back(error < 1e-7 ? 0.0 : error / sigma);
   }
@@ -77,8 +75,7 @@ TEST(DrawnRecords, ExactTimesGiveExactValues) {
   ASSERT_TRUE(result.fits());
   for (std::size_t k = 0; k < result.unknowns.size(); ++k) {
     const FittedUnknown& of = result.unknowns[k];
-    EXPECT_LT(std::abs(error_of(of.unknown, of.value, record.truth[k])), 1e-8)
-        << of.unknown.key;
+    EXPECT_LT(std::abs(error_of(of.unknown, of.value, record.truth[k])), 1e-8) << of.unknown.key;
   }
 }
 

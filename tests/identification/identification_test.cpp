@@ -215,8 +215,7 @@ TEST(Identification, RecordsOfMostlySustainedContacts) {
     const char* key;
     double value, duration, jitter;
   };
-  for (const Wrong& wrong : {
-                             Wrong{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0}}) {
+  for (const Wrong& wrong : {Wrong{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0}}) {
     if (sanitized && wrong.jitter > 0.0) continue;
     const Scene scene = shipped_scene(wrong.scene);
     auto events = events_of(with(scene, unknown_of(scene, wrong.key), wrong.value), wrong.duration);

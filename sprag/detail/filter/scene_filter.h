@@ -11,9 +11,9 @@
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/filter/belief_pool.h"
 #include "sprag/detail/filter/event_filter.h"
-#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_with.h"
 #include "sprag/scene.h"
 
 namespace sprag {
