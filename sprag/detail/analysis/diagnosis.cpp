@@ -120,14 +120,14 @@ class Judge {
     return fit && follows(*fit) ? std::move(fit) : std::nullopt;
   }
 
-  /// Fits of these sets of unknowns, on all cores.
+  /// Fits of these sets of unknowns, on all cores; none of an empty set.
   std::vector<std::optional<Identification>> fits(
       const std::vector<std::vector<Unknown>>& sets) const {
     std::vector<std::optional<Identification>> fits(sets.size());
     const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
     in_parallel(threads, static_cast<int>(sets.size()), [&](int i) {
       const auto k = static_cast<std::size_t>(i);
-      fits[k] = fit(sets[k]);
+      if (!sets[k].empty()) fits[k] = fit(sets[k]);
     });
     return fits;
   }
@@ -204,6 +204,51 @@ Candidate candidate_of(const Unknown& parameter, const std::optional<Identificat
   return candidate;
 }
 
+struct Found {
+  Candidate candidate;
+  std::optional<Identification> fit;
+};
+
+// Each parameter alone, the best first.
+std::vector<Found> try_each(const Scene& scene, const std::vector<Unknown>& parameters,
+                            const Judge& judge, const Identification& nominal,
+                            const Diagnosis& diagnosis) {
+  std::vector<std::vector<Unknown>> alone;
+  for (const Unknown& parameter : parameters) {
+    alone.emplace_back();
+    if (!is_the_scale(scene, parameter)) alone.back().push_back(parameter);
+  }
+  std::vector<std::optional<Identification>> fits = judge.fits(alone);
+  std::vector<Found> found;
+  for (std::size_t k = 0; k < fits.size(); ++k) {
+    Candidate candidate = candidate_of(parameters[k], fits[k], nominal, diagnosis);
+    found.push_back({std::move(candidate), std::move(fits[k])});
+  }
+  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
+    return a.candidate.gain > b.candidate.gain;
+  });
+  return found;
+}
+
+// The first parameter that makes the events much more likely together with the best one; else
+// empty. `sigma`: of the times [s], > 0, since exact times have no distribution to judge a gain by.
+std::string key_of_second(const Unknown& best, const Identification& fit,
+                          const std::vector<Unknown>& parameters, const Judge& judge,
+                          double sigma) {
+  std::vector<std::vector<Unknown>> pairs;
+  for (const Unknown& second : parameters) {
+    const bool same = second.kind == best.kind && (second.index < 0 || second.index == best.index);
+    if (!same) pairs.push_back({best, second});
+  }
+  const std::vector<std::optional<Identification>> fits = judge.fits(pairs);
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    if (!fits[k]) continue;
+    const double gain = squares_of(fit) - squares_of(*fits[k]);
+    if (gain > gain_of_second * sigma * sigma) return pairs[k].back().key;
+  }
+  return {};
+}
+
 }  // namespace
 
 const Candidate* Diagnosis::explanation() const {
@@ -265,27 +310,9 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events,
   diagnosis.scatter =
       diagnosis.fits ? diagnosis.resolved : scatter_of(*nominal, diagnosis.resolved);
 
-  struct Found {
-    Candidate candidate;
-    std::optional<Identification> fit;
-  };
-  std::vector<Found> found;
   diagnosis.has_record = has_sampled_inputs(scene.model);
   if (!diagnosis.has_record) diagnosis.rate_ambiguity = rate_ambiguity(scene);
-  std::vector<std::vector<Unknown>> sets;
-  for (const Unknown& parameter : parameters) {
-    if (!is_the_scale(scene, parameter)) sets.push_back({parameter});
-  }
-  std::vector<std::optional<Identification>> fits = judge.fits(sets);
-  std::size_t next = 0;
-  for (const Unknown& parameter : parameters) {
-    auto fit = is_the_scale(scene, parameter) ? std::nullopt : std::move(fits[next++]);
-    Candidate candidate = candidate_of(parameter, fit, *nominal, diagnosis);
-    found.push_back({std::move(candidate), std::move(fit)});
-  }
-  std::stable_sort(found.begin(), found.end(), [](const Found& a, const Found& b) {
-    return a.candidate.gain > b.candidate.gain;
-  });
+  std::vector<Found> found = try_each(scene, parameters, judge, *nominal, diagnosis);
   diagnosis.common_scatter = diagnosis.scatter;
   for (const Found& of : found) {
     diagnosis.common_scatter = std::min(diagnosis.common_scatter, of.candidate.scatter);
@@ -304,23 +331,10 @@ Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events,
       for (const std::size_t i : repaired->spurious) diagnosis.spurious.push_back(events[i]);
     }
   }
-  // Exact times have no distribution to judge a gain by.
   const Candidate* best = diagnosis.explanation();
-  if (!(jitter > 0.0) || best == nullptr) return diagnosis;
-  sets.clear();
-  for (const Unknown& second : parameters) {
-    const bool same = second.kind == best->parameter.kind &&
-                      (second.index < 0 || second.index == best->parameter.index);
-    if (!same) sets.push_back({best->parameter, second});
-  }
-  fits = judge.fits(sets);
-  for (std::size_t k = 0; k < sets.size(); ++k) {
-    if (!fits[k]) continue;
-    const double gain = squares_of(*found.front().fit) - squares_of(*fits[k]);
-    if (gain > gain_of_second * of_events * of_events) {
-      diagnosis.candidates.front().improved_by = sets[k].back().key;
-      break;
-    }
+  if (jitter > 0.0 && best != nullptr) {
+    diagnosis.candidates.front().improved_by =
+        key_of_second(best->parameter, *found.front().fit, parameters, judge, of_events);
   }
   return diagnosis;
 }
