@@ -1,5 +1,5 @@
 // Effect of errors of the recorded inputs on a fit. The events cannot reveal such an error: a fit
-// may absorb it in its unknowns. So the fit is repeated with other records:
+// may absorb it in its unknowns. So the fit is moved, to first order, to other records:
 //
 // * noise: draws of the samples' errors with their stated standard deviation;
 // * resolution: the record with half of its sampling rate. For interpolation of order p the
