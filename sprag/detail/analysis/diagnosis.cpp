@@ -122,12 +122,12 @@ class Judge {
 
   /// Fits of these sets of unknowns, on all cores; none of an empty set.
   std::vector<std::optional<Identification>> fits(
-      const std::vector<std::vector<Unknown>>& sets) const {
-    std::vector<std::optional<Identification>> fits(sets.size());
+      const std::vector<std::vector<Unknown>>& trials) const {
+    std::vector<std::optional<Identification>> fits(trials.size());
     const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-    in_parallel(threads, static_cast<int>(sets.size()), [&](int i) {
+    in_parallel(threads, static_cast<int>(trials.size()), [&](int i) {
       const auto k = static_cast<std::size_t>(i);
-      if (!sets[k].empty()) fits[k] = fit(sets[k]);
+      if (!trials[k].empty()) fits[k] = fit(trials[k]);
     });
     return fits;
   }

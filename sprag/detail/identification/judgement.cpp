@@ -21,11 +21,11 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 // A standard deviation above this share of the range determines nothing.
-constexpr double determined = 0.5;
+constexpr double determined_below = 0.5;
 // A profile is computed for standard deviations above this share of the range.
 constexpr double linear_below = 2e-3;
 // Distance of a second profile, in ranges.
-constexpr double far = 0.1;
+constexpr double far_away = 0.1;
 constexpr int iterations_of_profile = 20;
 // A parameter with a smaller share of an effect of its own is not determined: the derivatives by
 // differences are not better.
@@ -108,7 +108,9 @@ class Judge {
   const Chain& chain() const { return chains_->front(); }
   double rise(const EventFit& other) const { return (other.squares - fit_->squares) / variance_; }
   bool is_exact() const { return sprag::is_exact(*context_, *fit_); }
-  bool is_determined(Index k) const { return deviations_[k] < determined * solver_->scale()[k]; }
+  bool is_determined(Index k) const {
+    return deviations_[k] < determined_below * solver_->scale()[k];
+  }
   void profile(Index k, double distance);
   void profile();
   void compare(const EventFit& other);
@@ -164,12 +166,12 @@ void Judge::profile() {
     const double linear = deviations_[k];
     for (double before = 0.0; is_determined(k) && deviations_[k] > before;) {
       before = deviations_[k];
-      profile(k, std::min(2.0 * before, determined * range));
+      profile(k, std::min(2.0 * before, determined_below * range));
     }
     weak = weak || !is_determined(k) || deviations_[k] > 2.0 * linear;
   }
   for (Index k = 0; weak && k < P; ++k) {
-    if (is_determined(k)) profile(k, far * solver_->scale()[k]);
+    if (is_determined(k)) profile(k, far_away * solver_->scale()[k]);
   }
 }
 
@@ -468,7 +470,7 @@ void Judge::include_record_errors(Identification& result) const {
     FittedUnknown& fitted = result.unknowns[k];
     fitted.of_record = errors.of(k) * std::abs(fitted.unknown.slope(fitted.value));
     fitted.widen(std::hypot(of_jitter * fitted.sigma, fitted.of_record));
-    if (!(errors.of(k) < determined * solver_->scale()[static_cast<Index>(k)])) {
+    if (!(errors.of(k) < determined_below * solver_->scale()[static_cast<Index>(k)])) {
       fitted.determined = false;
     }
   }
