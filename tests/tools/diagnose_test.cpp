@@ -58,7 +58,8 @@ TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
   const auto events =
       events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration);
   for (const double jitter : {0.0, mismatch.jitter}) {
-    if (sanitized && jitter == 0.0) continue;
+    // DiagnoseExactMismatch has exact times, too.
+    if (jitter == 0.0 && long_repetitions(4) < 4) continue;
     const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), {.jitter = jitter});
     const Candidate* best = diagnosis.explanation();
     std::cout << "seed 5, jitter " << jitter << ": " << verdict(diagnosis) << '\n';
