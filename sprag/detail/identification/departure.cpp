@@ -22,7 +22,11 @@ constexpr double near = 0.1;
 class Departures {
  public:
   Departures(GaussNewton& solver, const EventFit& fit, const DepartureScale& scale)
-      : solver_(&solver), fit_(&fit), scale_(scale), factor_(scale.jitter / fit.sigma) {}
+      : solver_(&solver),
+        fit_(&fit),
+        scale_(scale),
+        factor_(scale.jitter / fit.sigma),
+        none_(at({})) {}
 
   struct Value {
     double log = 0.0;     // ln L
@@ -48,14 +52,14 @@ class Departures {
 
   struct Best {
     double decade = 0.0;
-    Value none, value;
-    double gain() const { return 2.0 * (value.log - none.log); }
+    Value value;
+    double gain = 0.0;
   };
 
   // `noise`: the noise at 10^decade.
   template <class Noise>
   Best most_likely(const Noise& noise) const {
-    Best best{lowest, at({}), at(noise(lowest))};
+    Best best{lowest, at(noise(lowest))};
     const auto look_at = [&](double decade) {
       Value next = at(noise(decade));
       if (!(next.log > best.value.log)) return false;
@@ -68,6 +72,7 @@ class Departures {
       const double middle = best.decade;
       if (!look_at(middle - shorter)) look_at(middle + shorter);
     }
+    best.gain = 2.0 * (best.value.log - none_.log);
     return best;
   }
 
@@ -79,11 +84,11 @@ class Departures {
       return noise(decade).drift * square(scale_.given ? factor_ : value.factor);
     };
     DriftEstimate estimate;
-    const bool any = best.gain() > 0.0;
-    const Value& most = any ? best.value : best.none;
+    const bool any = best.gain > 0.0;
+    const Value& most = any ? best.value : none_;
     if (any) {
       estimate.drift = drift_at(best.decade, most);
-      estimate.gain = best.gain();
+      estimate.gain = best.gain;
     }
     estimate.jitter = most.factor * fit_->sigma;
     estimate.changes = most.changes;
@@ -98,7 +103,7 @@ class Departures {
     };
     // An estimated jitter adds its own uncertainty to the drift's.
     const double of_jitter = scale_.given ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit_->freedom);
-    if (best.none.log < most.log - of_interval) estimate.low = end(lowest - 1.0) / of_jitter;
+    if (none_.log < most.log - of_interval) estimate.low = end(lowest - 1.0) / of_jitter;
     estimate.high = end(highest + 1.0) * of_jitter;
     return estimate;
   }
@@ -110,11 +115,11 @@ class Departures {
       return FitNoise{0.0, std::pow(10.0, 0.5 * decade) * unit};
     });
     RestitutionScatter estimate;
-    if (!(best.gain() > 0.0)) return estimate;
+    if (!(best.gain > 0.0)) return estimate;
     const double of_jitter = scale_.given ? factor_ : best.value.factor;
     estimate.scatter = std::pow(10.0, 0.5 * best.decade) * unit * of_jitter;
     estimate.jitter = best.value.factor * fit_->sigma;
-    estimate.gain = best.gain();
+    estimate.gain = best.gain;
     estimate.changes = best.value.changes;
     estimate.sigmas = best.value.sigmas;
     return estimate;
@@ -139,6 +144,7 @@ class Departures {
   const EventFit* fit_;
   DepartureScale scale_;
   double factor_;  // jitter over the fit's sigma
+  Value none_;     // without a noise
 };
 
 }  // namespace
@@ -190,7 +196,8 @@ Departure estimate_departure(const Scene& scene, const std::vector<Unknown>& unk
   if (departure.is_scatter()) {
     noise.restitution = scatter->scatter * fit.sigma / scatter->jitter;
   }
-  const GaussNewton::Effect effect = solver.effects(fit, noise).front();
+  const bool noisy = departure.is_drift() || departure.is_scatter();
+  const GaussNewton::Effect effect = (noisy ? solver.effects(fit, noise) : effects).front();
   const GaussNewton::Likelihood without = solver.likelihood(fit, noise);
   const double to_jitter = square(fit.sigma / scale.jitter), speed = solver.typical_speed();
   RestitutionTrend trend;
