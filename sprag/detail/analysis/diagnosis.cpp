@@ -4,9 +4,9 @@
 #include <cmath>
 #include <mutex>
 #include <optional>
-#include <thread>
 
 #include "sprag/detail/analysis/in_parallel.h"
+#include "sprag/detail/identification/search.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/parameters/unknowns.h"
@@ -35,11 +35,6 @@ int closings_of(std::span<const ContactEvent> events, int at_least) {
     count += closing >= at_least ? 1 : 0;
   });
   return count;
-}
-
-double largest_misfit(int freedom) {
-  const double of = std::max(freedom, 1);
-  return 1.0 + 6.0 * std::sqrt(2.0 / of);
 }
 
 // The parameters that may be wrong alone, with the range to search: up to 30 % off, a frequency 10
@@ -124,8 +119,7 @@ class Judge {
   std::vector<std::optional<Identification>> fits(
       const std::vector<std::vector<Unknown>>& trials) const {
     std::vector<std::optional<Identification>> fits(trials.size());
-    const int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-    in_parallel(threads, static_cast<int>(trials.size()), [&](int i) {
+    in_parallel(cores(), static_cast<int>(trials.size()), [&](int i) {
       const auto k = static_cast<std::size_t>(i);
       if (!trials[k].empty()) fits[k] = fit(trials[k]);
     });

@@ -13,6 +13,9 @@
 
 namespace sprag {
 
+/// Threads that the machine runs at a time.
+inline int cores() { return static_cast<int>(std::max(1U, std::thread::hardware_concurrency())); }
+
 /// Calls work(i) for i = 0, ..., count - 1 on `threads` threads, or on fewer if the system has no
 /// more. After the first exception no further tasks start; the last exception is thrown when all
 /// threads have ended.

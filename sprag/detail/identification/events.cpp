@@ -98,6 +98,16 @@ ContactSet FitStretch::held_before(std::size_t k) const {
   return set;
 }
 
+void pass(Flight& flight, const FitEvent& event, double time, PathPoint& at) {
+  flight.fly(at.x, at.t, time - at.t, at.held);
+  if (event.impact()) {
+    flight.strike(event.contact, event.kind == ContactEventKind::closes, at.held);
+  }
+  at.x = flight.x();
+  at.t = time;
+  at.held = held_after(at.held, event);
+}
+
 FitStretch FitStretch::part(std::size_t first, std::size_t last) const {
   const auto begin = events.begin();
   return {first == 0 ? start : events[first].t,

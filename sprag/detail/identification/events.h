@@ -40,6 +40,16 @@ struct FitStretch {
   FitStretch with(std::size_t k, const FitEvent& event) const;
 };
 
+/// A state on a path, and the contacts that are closed.
+struct PathPoint {
+  Eigen::VectorXd x;
+  double t = 0.0;
+  ContactSet held = 0;
+};
+
+/// Moves along the path to just after an event, which the path has at `time`.
+void pass(Flight& flight, const FitEvent& event, double time, PathPoint& at);
+
 struct FitRecord {
   std::vector<FitStretch> stretches;  ///< the longest one first
   std::size_t events = 0;             ///< of the record

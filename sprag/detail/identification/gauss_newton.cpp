@@ -34,7 +34,7 @@ constexpr double least_gap_weight = 0.33, largest_gap_weight = 6.0;
 constexpr double weight_of_guess = 1e-6;
 // An impact from inside multiplies the score by up to 1 plus this.
 constexpr double penalty_of_inside = 10.0;
-// A cause whose effect differs less from that of the parameters cannot be told apart.
+// A cause whose effect differs less from that of the parameters is not distinguished.
 constexpr double indistinguishable = 1e-5;
 // A search this far from the minimum, in costs per event, gives up if a step leaves this share.
 constexpr double hopeless = 30.0, slow_progress = 0.7;

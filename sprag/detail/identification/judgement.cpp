@@ -44,11 +44,6 @@ constexpr double known_combination = 0.05, least_weight = 0.1;
 // Speeds that the inputs do not explain, relative to those that they cause in a usual interval.
 constexpr double without_scale = 1e6;
 
-double largest_chi2(int freedom) {
-  const double of = std::max(freedom, 1);
-  return of * (1.0 + six * std::sqrt(2.0 / of));
-}
-
 // 1.4826 times the median of sizes: a standard deviation that ignores outliers.
 double usual(std::vector<double> sizes) {
   if (sizes.empty()) return 0.0;
@@ -198,7 +193,7 @@ int Judge::bound() const {
 }
 
 bool Judge::scatters() const {
-  if (given()) return fit_->squares / variance_ > largest_chi2(fit_->freedom);
+  if (given()) return fit_->squares / variance_ > fit_->freedom * largest_misfit(fit_->freedom);
   return std::sqrt(variance_) > largest_jitter * context_->record.interval;
 }
 
@@ -219,9 +214,10 @@ bool Judge::lacks_scale() const {
   const Model& model = context_->scene.model;
   const double interval = context_->record.interval;
   double inputs = 0.0, speed = 0.0;
+  const Eigen::LLT<MatrixXd> M(model.M);
   for (const Contact& contact : model.contacts) {
     inputs = std::max({inputs, std::abs(contact.clearance), std::abs(contact.motion.amplitude)});
-    const VectorXd by_force = model.M.llt().solve(contact.w);
+    const VectorXd by_force = M.solve(contact.w);
     for (const Force& force : model.forces) {
       const double size = std::abs(force.constant) + std::abs(force.harmonic.amplitude);
       inputs = std::max(inputs, std::abs(by_force.dot(force.direction)) * size * square(interval));
@@ -279,9 +275,8 @@ bool Judge::predicts(Identification& result) {
   }
   result.predicted_before = usual(inside);
   result.predicted = usual(beyond);
-  const double most = added + six * std::sqrt(2.0 * added) + six;
   return (fit_->squares - earlier.squares) / variance_of(*context_, *search_, earlier) <
-         most * (given() ? 1.0 : 1.0 + six * std::sqrt(2.0 / earlier.freedom));
+         largest_rise(added, earlier, given());
 }
 
 void Judge::put_numbers(Identification& result) const {
@@ -291,7 +286,7 @@ void Judge::put_numbers(Identification& result) const {
   result.scatter = std::sqrt(fit_->variance());
   result.freedom = fit_->freedom;
   result.chi2 = fit_->squares / variance_;
-  result.largest_chi2 = largest_chi2(fit_->freedom);
+  result.largest_chi2 = fit_->freedom * largest_misfit(fit_->freedom);
   result.stretches = static_cast<int>(fit_->stretches.size());
   result.interval = context_->record.interval;
   result.events = static_cast<int>(std::count_if(events.begin(), events.end(), [](const auto& of) {

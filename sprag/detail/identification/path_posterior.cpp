@@ -15,30 +15,16 @@ namespace {
 // units of the unknown's range.
 constexpr double wide_state = 3.0, wide_share = 2.0;
 
-// Passes an event of a path: x is the state before the flight, and on return that after the event.
-void pass(const FitEvent& event, double tau, FamilyFlight& flight, Eigen::VectorXd& x,
-          ContactSet& held) {
-  flight.fly(x, event.t, tau, held);
-  if (event.impact()) flight.strike(event.contact, event.kind == ContactEventKind::closes, held);
-  x = flight.x();
-  held = after(held, {event.t, event.contact, event.kind});
-}
-
 // Largest |x| on the path, by entry.
 Eigen::VectorXd largest(FamilyFlight& flight, const EventFit& fit) {
   Eigen::VectorXd sizes = Eigen::VectorXd::Zero(2 * flight.n());
   flight.set(fit.point.c, false);
   for (std::size_t s = 0; s < fit.stretches.size(); ++s) {
-    Eigen::VectorXd x = fit.point.starts[s];
-    double t = fit.stretches[s].start;
-    ContactSet held = fit.stretches[s].held;
-    for (std::size_t k = 0; k < fit.stretches[s].size(); ++k) {
-      FitEvent event = fit.stretches[s].events[k];
-      const double when = fit.point.times[s][k];
-      event.t = t;
-      pass(event, when - t, flight, x, held);
-      t = when;
-      sizes = sizes.cwiseMax(x.cwiseAbs());
+    const FitStretch& stretch = fit.stretches[s];
+    PathPoint at{fit.point.starts[s], stretch.start, stretch.held};
+    for (std::size_t k = 0; k < stretch.size(); ++k) {
+      pass(flight, stretch.events[k], fit.point.times[s][k], at);
+      sizes = sizes.cwiseMax(at.x.cwiseAbs());
     }
   }
   return sizes;
@@ -128,13 +114,12 @@ FilterBelief path_posterior(const SceneValues& family, const FilterModel& model,
         t = when;
         continue;
       }
-      FitEvent passed = event;
-      passed.t = t;
-      Eigen::VectorXd x = on.head(n2);
+      PathPoint point{on.head(n2), t, held};
       flight.set(c, false);
-      pass(passed, when - t, flight, x, held);
-      on.head(n2) = x;
+      pass(flight, event, when, point);
+      on.head(n2) = point.x;
       t = when;
+      held = point.held;
       if (held == 0) restart();
     }
   }

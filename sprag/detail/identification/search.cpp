@@ -54,7 +54,18 @@ FitPoint recorded_point(const std::vector<FitStretch>& parts, const GaussNewton:
   return point;
 }
 
+void add_lost(std::span<const FitEvent> lost, Chain& chain) {
+  for (const FitEvent& event : lost) chain.changes.push_back({event.t, event.contact, true, 0});
+}
+
 }  // namespace
+
+double largest_misfit(int freedom) { return 1.0 + six * std::sqrt(2.0 / std::max(freedom, 1)); }
+
+double largest_rise(double n, const EventFit& fit, bool given) {
+  const double of_events = n + six * std::sqrt(2.0 * n) + six;
+  return given ? of_events : of_events * largest_misfit(fit.freedom);
+}
 
 FitSearch::FitSearch(GaussNewton& solver, const FitRecord& record, std::optional<double> jitter,
                      bool changes, double neglected, std::function<void(std::size_t)> progress)
@@ -211,13 +222,11 @@ bool FitSearch::plausible(const EventFit& fit) const {
   }
   const double most = jitter_ ? std::max(*jitter_, negligible_scatter * record_->interval)
                               : std::max(largest_scatter, 2.0 * neglected_) * record_->interval;
-  return fit.variance() < square(most) * (1.0 + six * std::sqrt(2.0 / fit.freedom));
+  return fit.variance() < square(most) * largest_misfit(fit.freedom);
 }
 
 bool FitSearch::agrees(const EventFit& wider, const EventFit& fit, double added) const {
-  const double n = std::max(added, 1.0);
-  double most = n + six * std::sqrt(2.0 * n) + six;
-  if (!jitter_) most *= 1.0 + six * std::sqrt(2.0 / fit.freedom);
+  const double most = largest_rise(std::max(added, 1.0), fit, jitter_.has_value());
   return plausible(wider) && (wider.squares - fit.squares) / tolerated(fit) < most;
 }
 
@@ -375,29 +384,19 @@ std::optional<std::vector<FitEvent>> FitSearch::lost_events(const Chain& chain, 
   FamilyFlight& flight = solver_->flight();
   flight.set(chain.fit.point.c, false);
   const FitStretch& part = chain.pieces[piece].part;
-  VectorXd x = chain.fit.point.starts[piece];
-  double t = part.start;
-  ContactSet held = part.held;
-  const auto pass = [&](int contact, ContactEventKind kind, double time) {
-    flight.fly(x, t, time - t, held);
-    if (kind != ContactEventKind::opens)
-      flight.strike(contact, kind == ContactEventKind::closes, held);
-    x = flight.x();
-    held = after(held, {time, contact, kind});
-    t = time;
-  };
+  PathPoint at{chain.fit.point.starts[piece], part.start, part.held};
   for (std::size_t k = 0; k < events; ++k) {
-    pass(part.events[k].contact, part.events[k].kind, chain.fit.point.times[piece][k]);
+    pass(flight, part.events[k], chain.fit.point.times[piece][k], at);
   }
   std::vector<FitEvent> lost;
-  const double tolerance = beside_event * std::min(record_->interval, next.t - t);
+  const double tolerance = beside_event * std::min(record_->interval, next.t - at.t);
   while (lost.size() <= most) {
-    if (!flight.can_hold(held)) return std::nullopt;
-    const std::optional<FitEvent> first = next_impact(x, t, next.t + tolerance, held);
+    if (!flight.can_hold(at.held)) return std::nullopt;
+    const std::optional<FitEvent> first = next_impact(at.x, at.t, next.t + tolerance, at.held);
     if (!first || first->t > next.t) return lost;
     if (first->contact == next.contact && first->t > next.t - tolerance) return lost;
     lost.push_back(*first);
-    pass(first->contact, first->kind, first->t);
+    pass(flight, *first, first->t, at);
   }
   return std::nullopt;
 }
@@ -496,10 +495,8 @@ std::optional<Chain> FitSearch::continued(const Chain& chain, std::size_t first,
   if (!drop(std::span(stretch.events).subspan(a.high, low - a.high), changed)) return std::nullopt;
   const auto lost = lost_events(chain, first, kept_of_a, next.front(), most);
   if (!lost) return std::nullopt;
-  for (const FitEvent& event : *lost) {
-    changed.changes.push_back({event.t, event.contact, true, 0});
-    events.push_back(event);
-  }
+  add_lost(*lost, changed);
+  events.insert(events.end(), lost->begin(), lost->end());
   events.insert(events.end(), next.begin(), next.end());
   changed.pieces[first] = {a.stretch, a.low, high, {a.part.start, a.part.held, std::move(events)}};
   return changed;
@@ -605,10 +602,8 @@ std::optional<Chain> FitSearch::preceded(const Chain& chain, std::size_t piece, 
   if (last.kind == ContactEventKind::closes) return std::nullopt;
   auto lost = earlier_events(chain, piece, from_a, last);
   if (!lost) return std::nullopt;
-  for (const FitEvent& event : *lost) {
-    changed.changes.push_back({event.t, event.contact, true, 0});
-    part.events.push_back(event);
-  }
+  add_lost(*lost, changed);
+  part.events.insert(part.events.end(), lost->begin(), lost->end());
   part.events.insert(part.events.end(), own.begin() + static_cast<std::ptrdiff_t>(from_a),
                      own.end());
   changed.pieces[piece] = {a.stretch, low, a.high, std::move(part)};
@@ -726,28 +721,20 @@ std::optional<std::pair<FitEvent, std::size_t>> FitSearch::unrecorded(const Chai
   FamilyFlight& flight = solver_->flight();
   flight.set(chain.fit.point.c, false);
   const FitStretch& part = chain.pieces[piece].part;
-  VectorXd x = chain.fit.point.starts[piece];
-  double t = part.start, typical = 0.0;
-  ContactSet held = part.held;
+  PathPoint at{chain.fit.point.starts[piece], part.start, part.held};
+  double typical = 0.0;
   for (const double velocity : chain.fit.velocities[piece]) typical += std::abs(velocity);
   typical /= static_cast<double>(part.size());
   for (std::size_t k = 0; k < part.size(); ++k) {
-    const FitEvent& event = part.events[k];
     const double tau = chain.fit.point.times[piece][k];
     if (k > 0) {
-      const std::optional<FitEvent> first = next_impact(x, t, tau, held);
-      if (first && first->t < tau - beside_event * (tau - t)) {
-        flight.fly(x, t, first->t - t, held);
+      const std::optional<FitEvent> first = next_impact(at.x, at.t, tau, at.held);
+      if (first && first->t < tau - beside_event * (tau - at.t)) {
+        flight.fly(at.x, at.t, first->t - at.t, at.held);
         if (-flight.gap(first->contact).velocity > least_speed * typical) return {{*first, k}};
       }
     }
-    flight.fly(x, t, tau - t, held);
-    if (event.impact()) {
-      flight.strike(event.contact, event.kind == ContactEventKind::closes, held);
-    }
-    x = flight.x();
-    held = after(held, {tau, event.contact, event.kind});
-    t = tau;
+    pass(flight, part.events[k], tau, at);
   }
   return std::nullopt;
 }
@@ -761,7 +748,7 @@ void FitSearch::insert_unrecorded(Chain& chain) {
     while (const auto found = unrecorded(changed, piece)) {
       const auto& [event, k] = *found;
       changed.pieces[piece].part = changed.pieces[piece].part.with(k, event);
-      changed.changes.push_back({event.t, event.contact, true, 0});
+      add_lost({&event, 1}, changed);
       std::optional<EventFit> fitted = refit(changed.parts(), changed.fit);
       const bool agrees = fitted && this->agrees(*fitted, chain.fit, 1.0);
       if (!agrees || static_cast<double>(changed.changes.size()) > most) return;
@@ -786,7 +773,7 @@ void FitSearch::begin_record(Chain& chain) {
   FitStretch& part = changed.pieces[piece].part;
   part.events.insert(part.events.begin(), lost->begin(), lost->end());
   part.start = part.events.front().t;
-  for (const FitEvent& event : *lost) changed.changes.push_back({event.t, event.contact, true, 0});
+  add_lost(*lost, changed);
   std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
   if (!fitted || !agrees(*fitted, chain.fit, 1.0)) return;
   changed.fit = std::move(*fitted);

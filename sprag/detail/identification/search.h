@@ -12,6 +12,11 @@ namespace sprag {
 
 /// Bound of a chi^2, in its standard deviations.
 inline constexpr double six = 6.0;
+/// Largest chi^2 of a fit, per degree of freedom.
+double largest_misfit(int freedom);
+/// Largest rise of the chi^2 of a fit by n more events that agree. Without a given jitter that of
+/// the fit is uncertain.
+double largest_rise(double n, const EventFit& fit, bool given);
 /// Largest share of the events that an explanation may change.
 inline constexpr double largest_share_changed = 0.2;
 /// A lost impact differs from the next event by more than this share of the time between the
