@@ -51,6 +51,9 @@ struct IdentificationSettings {
   /// \brief If no path explains the events to their jitter, look for one that follows them roughly:
   /// the model is an approximation.
   bool approximate = false;
+  /// \brief Where no path explains the events, start from fewer parameters, and follow them with a
+  /// larger scatter, for the reasons of a refusal.
+  bool retry = true;
   /// \brief Refuse values outside of Unknown::within, although the search covers a larger range.
   bool strictly_within = true;
   /// \brief Called with what is being tried, before each attempt; may be empty.

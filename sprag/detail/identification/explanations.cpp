@@ -72,6 +72,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   IdentificationSettings of = settings;
   of.jitter = jitter;
   of.mend = false;
+  of.retry = false;
   const std::vector<ContactEvent> used = used_events(events, all_fitted, of.guessed);
   const std::vector<Unknown>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {

@@ -45,6 +45,7 @@ class Fitter {
   EventIdentification run() {
     const IdentificationSettings& settings = context_.settings;
     EventIdentification best = identified(settings.jitter, settings.mend, negligible_scatter);
+    if (!settings.retry) return best;
     // The times may scatter by more than the given jitter: one path through more of the events.
     if (settings.jitter && is_broken(best)) {
       take_longer(identified(std::nullopt, settings.mend, negligible_scatter), best);
@@ -76,7 +77,8 @@ class Fitter {
     FitSearch search(solver_, record_, jitter, changes, neglected,
                      progress(context_.settings.unknowns));
     std::vector<Chain> chains = search.run();
-    if ((chains.empty() || !search.explains(chains.front())) && solver_.parameters() > 1) {
+    const bool found = !chains.empty() && search.explains(chains.front());
+    if (!found && context_.settings.retry && solver_.parameters() > 1) {
       const std::vector<VectorXd> starts = from_fewer(jitter, changes, neglected);
       if (!starts.empty()) {
         std::vector<Chain> others = search.run(starts);
