@@ -34,25 +34,68 @@ struct Force {
   SampledInputPointer input = {};  ///< sampled part a(t); null: none
 };
 
+/// \brief How a restitution depends on the speed v = max(-gamma-, 0) of the approach. Either
+/// epsilon(v) = max(epsilon(0) + slope v, 0), or a piecewise linear curve, constant outside.
+///
+/// Two motions do not part in an impact if |d(epsilon v)/dv| <= 1 (largest_change()).
+struct RestitutionCurve {
+  double slope = 0.0;              ///< d epsilon / dv <= 0 [s/m]; 0 with a piecewise linear curve
+  std::vector<double> at = {};     ///< speeds of its points, >= 0, ascending [m/s]
+  std::vector<double> value = {};  ///< epsilon(v) there, up to a factor: the first is epsilon(0)
+
+  /// \brief Whether the restitution is the same at every speed.
+  /// \return true if it is.
+  bool is_constant() const { return slope == 0.0 && at.empty(); }
+};
+
 /// \brief One unilateral contact.
 struct Contact {
   Eigen::VectorXd w;         ///< contact direction w_i, f entries
   double clearance = 0.0;    ///< c_i [m]
   Harmonic motion;           ///< s_i(t) [m], motion of the support against the coordinates' frame
-  double restitution = 0.0;  ///< epsilon_i in [0, 1]
+  double restitution = 0.0;  ///< epsilon_i in [0, 1], of the slowest impacts
   /// \brief Restitution of the replica's pulses, in [-1, 1], for a replica with fewer modes than
   /// its machine (reduction.h). Empty: epsilon_i. Events of kind `closes` have restitution 0
   /// anyway.
   std::optional<double> replica_restitution = {};
   SampledInputPointer input = {};  ///< adds input_share e(t) to s_i(t); null: none
   double input_share = 0.0;        ///< 0 without an input
+  RestitutionCurve curve = {};     ///< restitution of faster impacts
 };
+
+/// \brief Restitution of one impact.
+struct ImpactRestitution {
+  double epsilon = 0.0;  ///< epsilon(v)
+  double slope = 0.0;    ///< d epsilon / dv [s/m]; d(epsilon v)/dv = epsilon - slope gamma
+  double scatter = 0.0;  ///< standard deviation of epsilon v about this line, for an uncertain v
+};
+/// \brief Restitution of a contact at an impact, eq. (6) with epsilon = epsilon(v).
+/// \param contact the contact.
+/// \param gamma gap velocity before the impact [m/s]; v = max(-gamma, 0).
+/// \return epsilon(v) and its slope; at a point of the curve that of faster impacts.
+ImpactRestitution restitution_at(const Contact& contact, double gamma);
+/// \brief The same for a gap velocity that is known to a standard deviation: the line through
+/// epsilon v with the same mean, and the same covariance with v.
+/// \param contact the contact.
+/// \param gamma mean of the gap velocity before the impact [m/s].
+/// \param sigma its standard deviation [m/s].
+/// \return restitution_at(contact, gamma) without a curve or a deviation.
+ImpactRestitution restitution_over(const Contact& contact, double gamma, double sigma);
+/// \brief Largest |d(epsilon v)/dv|: at most 1 if an impact does not increase a distance.
+/// \param contact the contact.
+/// \return the largest over all v.
+double largest_change(const Contact& contact);
+/// \brief Largest restitution of a contact.
+/// \param contact the contact.
+/// \return the largest epsilon(v) over all v.
+double largest_restitution(const Contact& contact);
 
 /// \brief Restitution that a replica uses for pulses.
 /// \param contact the contact.
-/// \return Contact::replica_restitution, or Contact::restitution if that is empty.
-inline double restitution_of_replica(const Contact& contact) {
-  return contact.replica_restitution.value_or(contact.restitution);
+/// \param gamma gap velocity of the replica before the impact [m/s].
+/// \return Contact::replica_restitution, or restitution_at() if that is empty.
+inline double restitution_of_replica(const Contact& contact, double gamma = 0.0) {
+  return contact.replica_restitution.value_or(restitution_at(contact, gamma).epsilon);
 }
 
 /// \brief A named quantity: direction^T q or direction^T u.
@@ -162,6 +205,10 @@ inline double support_velocity(const Contact& contact, double t) {
   const double harmonic = rate(contact.motion, t);
   return contact.input ? harmonic + contact.input_share * contact.input->velocity(t) : harmonic;
 }
+/// \brief Whether a restitution depends on the speed.
+/// \param model the machine.
+/// \return true if that of one contact does.
+bool has_curves(const Model& model);
 /// \brief Whether a sampled input acts on the machine.
 /// \param model the machine.
 /// \return true if a force or a support has one.

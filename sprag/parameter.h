@@ -4,9 +4,10 @@
 ///
 /// A key for several numbers (K and C of a general system, harmonics of one frequency) is a common
 /// factor, nominally 1; a phase is a common shift, nominally 0. impact.restitution is a factor if
-/// the contacts' restitutions differ. excitations.amplitude, .phase and .frequency apply to all
-/// harmonics of several frequencies. A recorded input has a gain and a delay: excitation.gain,
-/// force.1.delay.
+/// the contacts' restitutions differ. One that depends on the speed has impact.restitution.value,
+/// of the slowest impacts, and impact.restitution.slope. excitations.amplitude, .phase and
+/// .frequency apply to all harmonics of several frequencies. A recorded input has a gain and a
+/// delay: excitation.gain, force.1.delay.
 ///
 /// clock.rate and clock.offset [s] are those of the contact clock (sprag/contact_event.h).
 #pragma once
@@ -20,16 +21,18 @@ namespace sprag {
 struct Unknown {
   /// \brief What it is a parameter of.
   enum class Kind {
-    restitution,      ///< epsilon of contact `index`, or of all
-    damping,          ///< d of a beam, or a factor on C
-    stiffness,        ///< EI of a beam, or a factor on K
-    damping_entry,    ///< C at (row, column) and (column, row)
-    stiffness_entry,  ///< K at (row, column) and (column, row)
-    position,         ///< x_c of contact `index` of a beam
-    frequency,        ///< of harmonic group `index`, or a factor on all
-    clock_rate,       ///< of the contact clock
-    clock_offset,     ///< reading of the contact clock at the machine's t = 0
-    delay,            ///< of recorded input `index` [s]
+    restitution,        ///< epsilon of contact `index`, or of all; of a curve that of the slowest
+                        ///< impacts, with which the others change in proportion
+    restitution_slope,  ///< d epsilon / dv of contact `index`, or of all [s/m]
+    damping,            ///< d of a beam, or a factor on C
+    stiffness,          ///< EI of a beam, or a factor on K
+    damping_entry,      ///< C at (row, column) and (column, row)
+    stiffness_entry,    ///< K at (row, column) and (column, row)
+    position,           ///< x_c of contact `index` of a beam
+    frequency,          ///< of harmonic group `index`, or a factor on all
+    clock_rate,         ///< of the contact clock
+    clock_offset,       ///< reading of the contact clock at the machine's t = 0
+    delay,              ///< of recorded input `index` [s]
     // The path is linear in the kinds below.
     phase,      ///< of harmonic group `index`, or a shift of all [rad]
     amplitude,  ///< of harmonic group `index`, or a factor on all

@@ -421,25 +421,86 @@ void read_outputs(const TomlTable& root, Scene& scene) {
   }
 }
 
+struct Restitution {
+  double slowest = 0.0;
+  RestitutionCurve curve = {};
+};
+
+// Piecewise linear: { at = [0.1, 1.0], value = [0.9, 0.8] }.
+Restitution read_restitution_points(const TomlTable& table) {
+  const Eigen::VectorXd at = table.vector("at"), value = table.vector("value");
+  if (at.size() < 2) table.fail("at", "must have at least 2 speeds");
+  if (value.size() != at.size()) {
+    table.fail("value", "has " + std::to_string(value.size()) + " entries; must have " +
+                            std::to_string(at.size()) + ", one for each entry of at");
+  }
+  Restitution read{value[0], {}};
+  for (Eigen::Index k = 0; k < at.size(); ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    if (!(at[k] >= 0.0)) table.fail("at", i, " is " + to_text(at[k]) + "; must be >= 0");
+    if (k > 0 && !(at[k] > at[k - 1])) {
+      table.fail(
+          "at", i,
+          " is " + to_text(at[k]) + "; must be > " + to_text(at[k - 1]) + ", the speed before it");
+    }
+    if (!(value[k] >= 0.0 && value[k] <= 1.0)) {
+      table.fail("value", i, " is " + to_text(value[k]) + "; must be in [0, 1]");
+    }
+    if (!(value[0] > 0.0)) table.fail("value", 0, " is 0; must be > 0");
+    read.curve.at.push_back(at[k]);
+    read.curve.value.push_back(value[k]);
+  }
+  return read;
+}
+
+// A number, { value = 0.9, slope = -0.05 }, or points.
+Restitution read_restitution(const TomlTable& table) {
+  const Limits limits{0.0, 1.0};
+  const toml::node* node = table.contents().get("restitution");
+  if (node == nullptr || !node->is_table()) return {table.number("restitution", limits), {}};
+  const TomlTable by_speed = *table.table("restitution", {"value", "slope", "at"});
+  if (!by_speed.has("at")) {
+    Restitution read{by_speed.number("value", limits), {}};
+    read.curve.slope = by_speed.number("slope", any_number);
+    if (read.curve.slope > 0.0) {
+      by_speed.fail("slope", "is " + to_text(read.curve.slope) + "; must be <= 0");
+    }
+    return read;
+  }
+  if (by_speed.has("slope")) by_speed.fail("slope", "is given beside at; give one of both");
+  const Restitution read = read_restitution_points(by_speed);
+  Contact contact;
+  contact.restitution = read.slowest;
+  contact.curve = read.curve;
+  constexpr double rounding = 1e-12;
+  const double change = largest_change(contact);
+  if (change > 1.0 + rounding) {
+    by_speed.fail("value", "changes too fast: d(restitution * speed)/d(speed) is up to " +
+                               rounded(change) +
+                               " in size; must be at most 1, since an impact would bring two "
+                               "motions apart");
+  }
+  return read;
+}
+
 // Reads [impact] and the restitutions. Returns whether the scene gives chatter_time.
 bool read_impact(const TomlTable& root, const std::vector<TomlTable>& contacts, Model& model) {
-  const Limits restitution{0.0, 1.0};
   const auto impact = root.table("impact", {"law", "restitution", "chatter_time"});
-  std::optional<double> common;
+  std::optional<Restitution> common;
   if (impact) {
     model.law = impact->choice("law", {"poisson", "newton"}) == "newton" ? ImpactLaw::newton
                                                                          : ImpactLaw::poisson;
     if (impact->has("chatter_time")) model.chatter_time = impact->number("chatter_time", positive);
-    if (impact->has("restitution")) common = impact->number("restitution", restitution);
+    if (impact->has("restitution")) common = read_restitution(*impact);
   }
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (!common && !contacts[i].has("restitution")) {
       (impact ? *impact : contacts[i])
           .fail_here("missing key impact.restitution or " + contacts[i].path_of("restitution"));
     }
-    model.contacts[i].restitution = common
-                                        ? contacts[i].number_or("restitution", *common, restitution)
-                                        : contacts[i].number("restitution", restitution);
+    const Restitution of = contacts[i].has("restitution") ? read_restitution(contacts[i]) : *common;
+    model.contacts[i].restitution = of.slowest;
+    model.contacts[i].curve = of.curve;
   }
   return impact && impact->has("chatter_time");
 }

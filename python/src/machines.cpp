@@ -101,11 +101,67 @@ double required_restitution(double restitution) {
   return restitution;
 }
 
-Contact make_contact(Eigen::VectorXd w, double restitution, double clearance,
+void require_restitution(const Contact& contact) {
+  required_restitution(largest_restitution(contact));
+  require(contact.curve.slope <= 0.0, "restitution: slope must be <= 0");
+  const double change = largest_change(contact);
+  require(change <= 1.0 + 1e-12, "restitution: |d(restitution * speed)/d(speed)| is up to " +
+                                     std::to_string(change) + "; must be at most 1");
+}
+
+// A number, or one of the two tables of scene files.
+void set_restitution(const py::object& restitution, Contact& contact) {
+  if (!py::isinstance<py::dict>(restitution)) {
+    contact.restitution = required_restitution(restitution.cast<double>());
+    return;
+  }
+  const auto table = restitution.cast<std::map<std::string, py::object>>();
+  RestitutionCurve& curve = contact.curve;
+  const bool by_points = table.contains("at");
+  require(table.size() == 2 && table.contains("value") && (by_points || table.contains("slope")),
+          "restitution must be a number, {value, slope} or {at, value}");
+  if (by_points) {
+    curve.at = table.at("at").cast<std::vector<double>>();
+    curve.value = table.at("value").cast<std::vector<double>>();
+    require(curve.at.size() >= 2 && curve.at.size() == curve.value.size(),
+            "restitution: at and value must have as many entries as the other, at least 2");
+    require(curve.at.front() >= 0.0 &&
+                std::is_sorted(curve.at.begin(), curve.at.end(), std::less_equal<double>()),
+            "restitution: at must be >= 0 and ascend");
+    require(curve.value.front() > 0.0 &&
+                *std::min_element(curve.value.begin(), curve.value.end()) >= 0.0,
+            "restitution: value must be >= 0, and its first entry > 0");
+    contact.restitution = curve.value.front();
+  } else {
+    contact.restitution = required_restitution(table.at("value").cast<double>());
+    curve.slope = required_finite("slope", table.at("slope").cast<double>());
+  }
+  require_restitution(contact);
+}
+
+Contact make_contact(Eigen::VectorXd w, const py::object& restitution, double clearance,
                      const Harmonic& motion) {
   require(w.allFinite() && !w.isZero(0.0), "w must be finite and not zero");
-  return {std::move(w), required_finite("clearance", clearance), motion,
-          required_restitution(restitution)};
+  Contact contact{std::move(w), required_finite("clearance", clearance), motion};
+  set_restitution(restitution, contact);
+  return contact;
+}
+
+// As in a scene file; None if the restitution is the same at all speeds.
+py::object restitution_by_speed(const Contact& contact) {
+  const RestitutionCurve& curve = contact.curve;
+  if (curve.is_constant()) return py::none();
+  py::dict table;
+  if (curve.at.empty()) {
+    table["value"] = contact.restitution;
+    table["slope"] = curve.slope;
+    return table;
+  }
+  std::vector<double> values;
+  for (const double v : curve.at) values.push_back(restitution_at(contact, -v).epsilon);
+  table["at"] = curve.at;
+  table["value"] = values;
+  return table;
 }
 
 Force make_force(Eigen::VectorXd direction, double constant, const Harmonic& harmonic) {
@@ -362,7 +418,7 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
     keys.push_back(key);
   }
   auto changed = std::make_shared<Scene>(with(scene, unknowns_named(scene, keys), numbers));
-  for (const Contact& contact : changed->model.contacts) required_restitution(contact.restitution);
+  for (const Contact& contact : changed->model.contacts) require_restitution(contact);
   require(is_semidefinite(changed->model.C) && is_semidefinite(changed->model.K),
           "C and K must stay positive semidefinite");
   for (std::size_t i = 0; i < changed->positions.size(); ++i) {
@@ -470,11 +526,18 @@ void bind_beam(py::module_& module) {
 void bind_model(py::module_& module) {
   value_class<Contact>(module, "Contact",
                        "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
-                       "restitution in [0, 1]; w has f entries.")
+                       "restitution in [0, 1]; w has f entries. restitution: a number, or a dict "
+                       "as that of restitution_by_speed. Raises ValueError if an impact could "
+                       "bring two motions apart: |d(restitution * speed)/d(speed)| > 1.")
       .def(py::init(&make_contact), "w"_a, "restitution"_a, "clearance"_a = 0.0,
            "motion"_a = Harmonic{})
       .get("w", "Direction, f entries.", &Contact::w)
-      .get("restitution", "In [0, 1].", &Contact::restitution)
+      .get("restitution", "In [0, 1]; of the slowest impacts if it depends on the speed.",
+           &Contact::restitution)
+      .get("restitution_by_speed",
+           "{'value': number, 'slope': number [s/m]} or {'at': speeds [m/s], 'value': numbers}, as "
+           "in scene files; None if the restitution is the same at all speeds.",
+           &restitution_by_speed)
       .get("clearance", "c [m].", &Contact::clearance)
       .get("motion", "Harmonic motion of the support [m].", &Contact::motion)
       .get("recorded", "Whether a recorded input moves the support, too.",

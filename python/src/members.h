@@ -21,7 +21,9 @@ namespace sprag {
 // ---- scenes
 SPRAG_MEMBERS(Harmonic, amplitude, frequency, phase)
 SPRAG_MEMBERS(Force, direction, constant, harmonic, input)
-SPRAG_MEMBERS(Contact, w, clearance, motion, restitution, replica_restitution, input, input_share)
+SPRAG_MEMBERS(RestitutionCurve, slope, at, value)
+SPRAG_MEMBERS(Contact, w, clearance, motion, restitution, replica_restitution, input, input_share,
+              curve)
 SPRAG_MEMBERS(Output, name, direction, velocity, unit)
 SPRAG_MEMBERS(Model, M, C, K, forces, contacts, law, chatter_time, outputs)
 SPRAG_MEMBERS(State, q, u)

@@ -147,7 +147,8 @@ Scene with_wrong(const Scene& scene, const std::string& key, double amount) {
   const bool never_negative =
       unknown.kind == Unknown::Kind::restitution || unknown.kind == Unknown::Kind::damping;
   if ((unknown.upper_limit > 0.0 && value > unknown.upper_limit) ||
-      (never_negative && value < 0.0)) {
+      (never_negative && value < 0.0) ||
+      (unknown.kind == Unknown::Kind::restitution_slope && value > 0.0)) {
     throw ModelError(key + " cannot be off by so much");
   }
   return with(scene, unknown, value);

@@ -20,7 +20,9 @@ const std::vector<std::string> kinds{
     "all contacts last", "no scale",
     // Outside of the family.
     "damping law", "mode too few", "clock 1 %", "quadratic drag", "restitution by speed",
-    "friction", "soft stop"};
+    "friction", "soft stop",
+    // In the family again: its slope is sought.
+    "slope sought"};
 const std::size_t right_kinds = 18;
 
 namespace {
@@ -43,6 +45,7 @@ struct Oscillator {
   double restitution = 0.7, q = 0.0;
   // Departures from the model.
   double quadratic = 0.0, by_speed = 0.0, friction = 0.0, stop_stiffness = 0.0;
+  bool has_slope = false;  // the scene has the restitution by speed
 
   Scene scene() const {
     std::string text =
@@ -52,7 +55,10 @@ struct Oscillator {
       text += "[[force]]\ndirection = [1.0]\namplitude = " + number(force) +
               "\nfrequency = " + number(frequency) + "\nphase = " + number(phase) + "\n";
     }
-    text += "[impact]\nlaw = \"newton\"\nrestitution = " + number(restitution) +
+    const std::string of_impacts =
+        has_slope ? "{ value = " + number(restitution) + ", slope = " + number(-by_speed) + " }"
+                  : number(restitution);
+    text += "[impact]\nlaw = \"newton\"\nrestitution = " + of_impacts +
             "\n[[contact]]\ndirection = [1.0]\nclearance = " + number(clearance) + "\n";
     if (other_clearance > 0.0) {
       text += "[[contact]]\ndirection = [-1.0]\nclearance = " + number(other_clearance) + "\n";
@@ -366,19 +372,23 @@ Drawn drawn_machine(const std::string& kind, std::uint64_t trial, Random& draw) 
     }
     if (kind == "quadratic drag")
       o.quadratic = draw.uniform(0.2, 1.0) / std::max(o.clearance, 1e-3);
-    if (kind == "restitution by speed") {
+    const bool has_slope = kind == "slope sought";
+    if (kind == "restitution by speed" || has_slope) {
       o = drawn_ball(draw);
       o.by_speed = draw.uniform(0.01, 0.04);
+      o.has_slope = has_slope;
     }
     if (kind == "friction") o.friction = draw.uniform(0.01, 0.05) * o.force;
     if (kind == "soft stop") o.stop_stiffness = o.k * std::pow(draw.uniform(30.0, 100.0), 2);
     d.machine = o.scene();
     const bool wrong =
         o.quadratic > 0.0 || o.by_speed > 0.0 || o.friction > 0.0 || o.stop_stiffness > 0.0;
-    d.right = o.by_speed == 0.0;
+    d.right = o.by_speed == 0.0 || has_slope;
     d.events = wrong ? o.simulated(60.0, o.weight > 0.0 ? 22 : 50) : simulated(d.machine, 60.0, 50);
-    d.keys = o.weight > 0.0 ? std::vector<std::string>{"impact.restitution", "system.C"}
-                            : usual_keys(d.machine);
+    d.keys = has_slope
+                 ? std::vector<std::string>{"impact.restitution.value", "impact.restitution.slope"}
+             : o.weight > 0.0 ? std::vector<std::string>{"impact.restitution", "system.C"}
+                              : usual_keys(d.machine);
   }
   if (has_held(d.events) && kind != "locked orbit") d.events.clear();
   return d;
@@ -416,7 +426,8 @@ Record drawn(const std::string& kind, std::uint64_t trial) {
     } catch (const Error&) {
       continue;
     }
-    const bool ball = kind.starts_with("ball") || kind == "restitution by speed";
+    const bool ball =
+        kind.starts_with("ball") || kind == "restitution by speed" || kind == "slope sought";
     if (d.events.size() < (ball ? 14U : kind == "no scale" ? 12U : 30U)) continue;
     Record record;
     const double share = trial % 3 == 0 ? 0.0 : trial % 3 == 1 ? 1e-4 : 1e-3;

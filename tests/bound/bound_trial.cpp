@@ -9,6 +9,7 @@
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
+#include "tests/support/by_speed.h"
 #include "tests/support/random_model.h"
 
 namespace sprag::test {
@@ -34,9 +35,11 @@ Model random_known_machine(Random& random, int contacts, bool unlike) {
     contact.restitution = restitution;
     model.forces.push_back({-contact.w, random.uniform(0.5, 5.0), {}});
   }
-  if (!unlike) return model;
-  if (random.chance(0.5)) model.law = ImpactLaw::newton;
-  for (Contact& contact : model.contacts) contact.restitution = random.uniform(0.1, 0.9);
+  if (unlike) {
+    if (random.chance(0.5)) model.law = ImpactLaw::newton;
+    for (Contact& contact : model.contacts) contact.restitution = random.uniform(0.1, 0.9);
+  }
+  if (random.chance(0.25)) test::let_restitutions_fall(random, 3.0, model);
   return model;
 }
 

@@ -12,6 +12,7 @@
 #include "sprag/detail/live/time_line.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/energy.h"
+#include "tests/support/by_speed.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random_model.h"
 #include "tests/support/recorded_run.h"
@@ -205,8 +206,11 @@ bool take(Random& random, const ImpactingMachine& machine, Totals& totals) {
     }
     if (said.infinite > 0) continue;  // a report came too late
     ++totals.whole;
-    EXPECT_LT(said.highest, 1.5);
-    totals.highest = std::max(totals.highest, said.highest);
+    // Joint impacts with restitutions by speed may expand distances.
+    if (m == 1 || !has_curves(model)) {
+      EXPECT_LT(said.highest, 1.5);
+      totals.highest = std::max(totals.highest, said.highest);
+    }
     if (m > 1 || session == 1) continue;
     const double expected = left_by_flights(*run, norm);
     EXPECT_LT(std::sqrt(said.last), std::pow(expected, 0.43) + 1e-4);
@@ -226,7 +230,10 @@ TEST(ExactBoundTrial, HoldsAtEveryTickOfRandomMachines) {
   Totals totals;
   for (int number = 0; totals.kept < repetitions(machines); ++number) {
     SCOPED_TRACE("machine " + std::to_string(number));
-    ++(take(random, random_impacting_machine(random), totals) ? totals.kept : totals.left_out);
+    ImpactingMachine machine = random_impacting_machine(random);
+    Random of_curves(first_seed + 1 + static_cast<std::uint64_t>(number));
+    if (number % 3 == 0) test::let_restitutions_fall(of_curves, 3.0, machine.model);
+    ++(take(random, std::move(machine), totals) ? totals.kept : totals.left_out);
   }
   std::cout << totals.kept << " machines (";
   for (const auto& [path, count] : totals.paths) std::cout << count << ' ' << path << ", ";

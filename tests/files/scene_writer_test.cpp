@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "sprag/scene_file.h"
+#include "tests/support/by_speed.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
@@ -65,6 +66,9 @@ Bits bits_of(const Scene& scene) {
     add(bits, contact.restitution);
     add(bits, restitution_of_replica(contact));
     bits.push_back(contact.replica_restitution.has_value() ? 1 : 0);
+    add(bits, contact.curve.slope);
+    for (const double number : contact.curve.at) add(bits, number);
+    for (const double number : contact.curve.value) add(bits, number);
   }
   bits.push_back(model.law == ImpactLaw::newton ? 1 : 0);
   add(bits, model.chatter_time);
@@ -234,6 +238,7 @@ TEST(SceneWriter, RandomMachinesRoundTripBitForBit) {
       scene.prior.uncertainty = random.vector(scene.model.coordinates()).cwiseAbs() +
                                 Eigen::VectorXd::Constant(scene.model.coordinates(), 1e-9);
     }
+    if (random.chance(0.5)) test::let_restitutions_fall(random, 2.0, scene.model);
     if (random.chance(0.5)) {
       for (Contact& contact : scene.model.contacts) {
         contact.replica_restitution = random.uniform(-1, 1);

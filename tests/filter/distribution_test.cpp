@@ -16,6 +16,7 @@
 #include "sprag/detail/events/disturbance.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/energy.h"
+#include "tests/support/by_speed.h"
 #include "tests/support/random.h"
 #include "tests/support/rattle.h"
 #include "tests/support/repetitions.h"
@@ -179,13 +180,14 @@ constexpr std::array kinds{
     Kind{"rattle", [](Random& random) { return rattle(random, random.integer(1, 4)); }},
     Kind{"near grazing", near_grazing}};
 
-/// A sixth of the machines has no restitution.
+/// A sixth of the machines has no restitution, another one restitutions by speed.
 Scene drawn_scene(const Kind& kind, std::uint64_t seed) {
   Random random(seed);
   Scene scene = kind.draw(random);
   if (seed % 6 == 0) {
     for (Contact& contact : scene.model.contacts) contact.restitution = 0.0;
   }
+  if (seed % 6 == 1) test::let_restitutions_fall(random, 0.5, scene.model);
   const Eigen::Index f = scene.model.coordinates();
   const double V = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
                                             scene.prior.start.q, scene.prior.start.u)[0];

@@ -13,6 +13,7 @@
 #include "sprag/detail/identification/task.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
+#include "tests/support/by_speed.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
 #include "tests/support/repetitions.h"
@@ -198,8 +199,10 @@ std::vector<ContactSet> held_sets(const Flight& flight) {
   return sets;
 }
 
+// Half of the machines have restitutions by speed.
 Scene impacting_scene(Random& random) {
   ImpactingMachine machine = random_impacting_machine(random);
+  if (random.chance(0.5)) test::let_restitutions_fall(random, 3.0, machine.model);
   Scene scene;
   scene.model = std::move(machine.model);
   scene.truth.start = scene.prior.start = std::move(machine.start);

@@ -66,6 +66,8 @@ TEST(DrawnRecords, FindsTheValuesOfRightMachines) {
   expect_right("no scale", 3);
 }
 
+TEST(DrawnRecords, FindsTheSlopeOfARestitution) { expect_right("slope sought", 9); }
+
 TEST(DrawnRecords, FollowsContactsThatLast) { expect_right("plastic impacts", 2); }
 
 TEST(DrawnRecords, ExactTimesGiveExactValues) {

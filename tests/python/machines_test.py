@@ -67,6 +67,33 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         self.assertEqual(shaken.records, [])
         self.assertIsNone(scene().excitation)
 
+    def test_restitutions_may_depend_on_the_speed(self):
+        line = {"value": 0.9, "slope": -0.05}
+        points = {"at": [0.1, 1.0], "value": [0.9, 0.8]}
+        for by_speed in (line, points):
+            contact = sprag.Contact([1.0], by_speed)
+            self.assertEqual(contact.restitution, 0.9)
+            self.assertEqual(contact.restitution_by_speed, by_speed)
+            self.assertNotEqual(contact, sprag.Contact([1.0], 0.9))
+            fall = [sprag.Force([1.0], -9.81)]
+            model = sprag.Model([[1.0]], [[0.0]], [[0.0]], [contact], fall)
+            scene = sprag.Scene(model, master=sprag.State(q=[0.2]))
+            self.assertEqual(sprag.parse_scene(sprag.to_toml(scene)), scene)
+            times = np.unique(sprag.simulate(scene, 1.5).events["t"])
+            speed = np.sqrt(2 * 9.81 * 0.2)
+            rebound = 0.9 - 0.05 * speed if by_speed is line else 0.8
+            self.assertAlmostEqual(times[1] - times[0], 2 * rebound * speed / 9.81, 12)
+        slower = scene.with_values({"impact.restitution.value": 0.45})
+        self.assertEqual(slower.model.contacts[0].restitution_by_speed["value"], [0.45, 0.4])
+        for wrong in (
+            {"value": 0.9},
+            {"value": 0.9, "slope": 0.1},
+            {"at": [1.0, 0.5], "value": [0.9, 0.8]},
+            {"at": [1.0, 1.1], "value": [0.9, 0.1]},
+        ):
+            with self.assertRaisesRegex(ValueError, "restitution"):
+                sprag.Contact([1.0], wrong)
+
     def test_outputs_have_names_values_and_sigmas(self):
         outputs = [
             sprag.Output("tip", [1.0, -1.0]),

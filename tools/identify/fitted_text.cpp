@@ -96,11 +96,39 @@ void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const char* 
   }
 }
 
+// Restitutions of which some depend on the speed.
+void set_curves(const Scene& fitted, Text& text) {
+  const std::vector<Contact>& contacts = fitted.model.contacts;
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const Contact& contact = contacts[i];
+    const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
+    const std::string path = text.has(own) || contacts.size() > 1 ? own : "impact.restitution";
+    if (contact.curve.is_constant()) {
+      text.set(path, contact.restitution);
+    } else if (!text.has(path + ".value")) {
+      throw std::invalid_argument(path +
+                                  " is not in the scene, which has one restitution by speed "
+                                  "for all contacts: give each contact its own");
+    } else if (contact.curve.at.empty()) {
+      text.set(path + ".value", contact.restitution);
+      text.set(path + ".slope", contact.curve.slope);
+    } else {
+      Eigen::VectorXd value(std::ssize(contact.curve.at));
+      for (Eigen::Index k = 0; k < value.size(); ++k) {
+        value[k] = restitution_at(contact, -contact.curve.at[static_cast<std::size_t>(k)]).epsilon;
+      }
+      text.set(path + ".value", value);
+    }
+  }
+}
+
 void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {
   const Unknown& unknown = of.unknown;
   const bool factor = !scene.beam;
   switch (unknown.kind) {
-    case Kind::restitution: {
+    case Kind::restitution:
+    case Kind::restitution_slope: {
+      if (has_curves(scene.model)) return;  // set_curves()
       if (unknown.index >= 0) break;
       // Contacts with a restitution of their own keep it unless it is written as well.
       for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
@@ -280,6 +308,7 @@ std::string fitted_text(std::string_view given, const Scene& scene, const Identi
   for (const FittedUnknown& unknown : fit.unknowns) {
     if (unknown.determined) set_unknown(scene, fitted, unknown, out);
   }
+  if (has_curves(scene.model)) set_curves(fitted, out);
   if (!scene.beam && out.has(damping_ratio_path(out, "system"))) set_system_ratio(fit, file, out);
   if (out.has("system.rayleigh")) set_rayleigh(fit, file, out);
   if (fit.start_t == fit.begins) set_start(fitted, out);

@@ -87,11 +87,21 @@ def _prior(scene: Scene) -> list[tuple[str, str]]:
     return rows
 
 
+def _restitution(contact: Contact) -> str:
+    by_speed = contact.restitution_by_speed
+    if by_speed is None:
+        return rounded(contact.restitution, 6)
+    if "slope" in by_speed:
+        return f"{rounded(by_speed['value'], 6)} - {rounded(-by_speed['slope'], 6)} v"
+    points = zip(by_speed["value"], by_speed["at"])
+    return ", ".join(f"{rounded(value, 6)} at {rounded(speed, 6)}" for value, speed in points)
+
+
 def _contacts(scene: Scene) -> Grid:
     contacts = scene.model.contacts
     columns: list[tuple[str, list[str]]] = [
         ("contact", [str(number) for number in range(1, scene.m + 1)]),
-        ("restitution", [rounded(contact.restitution, 6) for contact in contacts]),
+        ("restitution", [_restitution(contact) for contact in contacts]),
         ("support", [_support(contact, scene.is_shaken) for contact in contacts]),
     ]
     for name, values in [

@@ -213,6 +213,12 @@ Finding monotone_law(const Assessment& a, int contacts) {
             "and Poisson's law coincide and are monotone",
             ""};
   }
+  if (law.by_speed) {
+    return {"A3", true, false,
+            "restitutions that depend on the speed: an impact of one contact brings two machines "
+            "no further apart, but for impacts of several at one instant this does not follow",
+            "where contacts close together, restitutions that do not depend on the speed"};
+  }
   if (law.common) {
     return {"A3", true, true,
             name +

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
@@ -137,8 +138,9 @@ std::vector<OpposingStops> opposing_stops(const Model& model) {
 Monotonicity monotonicity(const Dynamics& dynamics) {
   Monotonicity result;
   const VectorXd epsilon = restitutions(dynamics.model());
-  if (epsilon.size() < 2 || (epsilon.array() == epsilon[0]).all()) return result;
+  if (has_one_restitution(dynamics.model())) return result;
   result.common = false;
+  result.by_speed = has_curves(dynamics.model());
   const MatrixXd G = unit_diagonal(dynamics.G());
   MatrixXd criterion;
   if (dynamics.model().law == ImpactLaw::newton) {

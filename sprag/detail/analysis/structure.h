@@ -33,12 +33,13 @@ std::vector<OpposingStops> opposing_stops(const Model& model);
 
 /// Whether impacts are nonexpansive in the norm of M for any set of closed contacts.
 struct Monotonicity {
-  bool common = true;  ///< one restitution for all contacts, or a single contact
+  bool common = true;     ///< one restitution for all contacts, or a single contact
+  bool by_speed = false;  ///< several contacts, with restitutions that depend on the speed
   /// For different restitutions: smallest eigenvalue of DG + GD, D = diag((1-eps_i)/(1+eps_i))
   /// (Newton), or of G - EGE (Poisson), G scaled to a unit diagonal.
   double margin = 0.0;
 
-  bool holds() const { return common || margin >= -1e-12; }
+  bool holds() const { return common || (!by_speed && margin >= -1e-12); }
 };
 
 Monotonicity monotonicity(const Dynamics& dynamics);

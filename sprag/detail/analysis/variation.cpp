@@ -122,6 +122,7 @@ void Variation::find_impulses(ContactSet closing, ContactSet participants) {
   gamma_.resize(n);
   gamma_rate_.resize(n);
   epsilon_.resize(n);
+  slope_.resize(n);
   Eigen::Index row = 0;
   for_each(participants, [&](int i) {
     const bool held = contains(before_.flow->locked(), i);
@@ -129,7 +130,10 @@ void Variation::find_impulses(ContactSet closing, ContactSet participants) {
     gamma_[row] = held ? 0.0 : value(velocity, before_);
     gamma_rate_[row] = held ? 0.0 : rate(velocity, before_);
     const bool stays = contains(closing & after.flow->locked(), i);
-    epsilon_[row++] = stays ? 0.0 : contact_of(model, i).restitution;
+    const auto [epsilon, slope, none] =
+        stays ? ImpactRestitution{} : restitution_at(contact_of(model, i), gamma_[row]);
+    epsilon_[row] = epsilon;
+    slope_[row++] = slope;
   });
   ContactVector gamma_C;
   if (model.law == ImpactLaw::newton) {
@@ -151,12 +155,14 @@ void Variation::find_impulses(ContactSet closing, ContactSet participants) {
 ContactVector Variation::derivative(const ContactVector& d_gamma) const {
   ContactVector d_Lambda, d_nu;
   if (dynamics_.model().law == ImpactLaw::newton) {
-    const ContactVector b = d_gamma + epsilon_.cwiseProduct(d_gamma);
+    const ContactVector change = epsilon_ - slope_.cwiseProduct(gamma_);
+    const ContactVector b = d_gamma + change.cwiseProduct(d_gamma);
     solve_branch(G_, positive(Lambda_), b, d_Lambda);
     return d_Lambda;
   }
   solve_branch(G_, positive(Lambda_), d_gamma, d_Lambda);
-  const ContactVector restored = d_Lambda + epsilon_.cwiseProduct(d_Lambda);
+  const ContactVector restored = d_Lambda + epsilon_.cwiseProduct(d_Lambda) -
+                                 slope_.cwiseProduct(d_gamma).cwiseProduct(Lambda_);
   const ContactVector b = d_gamma + G_ * restored;
   solve_branch(G_, positive(nu_), b, d_nu);
   return restored + d_nu;

@@ -74,7 +74,7 @@ class Variation {
   Eigen::RowVectorXd delays_;
   // Data of the present impact.
   ContactMatrix G_;
-  ContactVector gamma_, gamma_rate_, epsilon_, Lambda_, nu_;
+  ContactVector gamma_, gamma_rate_, epsilon_, slope_, Lambda_, nu_;
 };
 
 }  // namespace sprag

@@ -19,10 +19,10 @@ bool are_uncoupled(const Eigen::MatrixXd& G, int a, int b) {
 bool gains_nothing(const Dynamics& dynamics, bool monotone, double off) {
   if (dynamics.contacts() == 1 || (monotone && off == 0.0)) return true;
   const ContactSet all = bit(dynamics.contacts()) - 1;
-  const double epsilon = largest_restitution(dynamics.model()) + off;
+  const double epsilon = largest_change(dynamics.model()) + off;
   if (joint_expansion(dynamics.G(), all, epsilon) <= 1.0) return true;
   return monotone &&
-         largest_restitution(dynamics.model()) + off * restitution_spread(dynamics.G(), all) <= 1.0;
+         largest_change(dynamics.model()) + off * restitution_spread(dynamics.G(), all) <= 1.0;
 }
 
 }  // namespace
@@ -33,7 +33,7 @@ struct BoundTracker::Impact : ImpactContacts {
   ContactEventKind kind = ContactEventKind::pulse;
   std::size_t count = 0;
   double t = 0.0;
-  double epsilon = 0.0;  // largest restitution of the participating contacts
+  double epsilon = 0.0;  // largest_change() of the participating contacts
 };
 
 BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
@@ -46,12 +46,15 @@ BoundTracker::BoundTracker(const Scene& scene, Flows& flows, double h,
       cap_(metric_, scene.prior.tolerance),
       remainder_(metric_),
       first_order_(metric_, defect_, flows[0], scene.prior.tolerance),
-      use_first_order_(settings.first_order && first_order_.exists()),
+      use_first_order_(settings.first_order && first_order_.exists() &&
+                       !has_curves(flows.dynamics().model())),
       replica_(std::shared_ptr<Flows>(std::shared_ptr<void>(), &flows), h),
       start_(scene.prior.start),
       initial_(scene.prior.uncertainty.size() > 0 ? scene.prior.uncertainty.sum() : infinity),
       law_(law_is_masters(flows.dynamics().model())),
       monotone_(law_is_monotone(flows.dynamics().model())),
+      joint_is_unlimited_(!monotone_ && has_curves(flows.dynamics().model()) &&
+                          flows.dynamics().model().law == ImpactLaw::poisson),
       in_(std::sqrt(1.0 + scene.prior.tolerance.stiffness)),
       out_(1.0 / std::sqrt(1.0 - scene.prior.tolerance.stiffness)) {
   cap_holds_ = law_ && cap_.exists() &&
@@ -203,7 +206,7 @@ BoundTracker::Impact BoundTracker::impact_of(std::span<const ContactEvent> of_on
   impact.contact = of_one_instant.front().contact;
   impact.kind = of_one_instant.front().kind;
   for_each(impact.before | impact.closing, [&](int i) {
-    impact.epsilon = std::max(impact.epsilon, model.contacts[index(i)].restitution);
+    impact.epsilon = std::max(impact.epsilon, largest_change(model.contacts[index(i)]));
   });
   return impact;
 }
@@ -236,6 +239,12 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   }
   take_state(impact.t);
   const double remainder = remainder_.of(impact, state_.motion, modal_);
+  const bool alone = is_alone(impact);
+  // Poisson's law with restitutions by speed: no limit is known for impacts of several contacts.
+  if (!alone && joint_is_unlimited_ && impact.closing != 0) {
+    first_order_.stop();
+    b_ = infinity;
+  }
   if (failed_ || b_ == infinity) {
     take_unbounded(of_one_instant);
     return;
@@ -246,7 +255,6 @@ void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   const double speed_before = speed(metric_, modal_);
   const double density = defect_.any() ? defect_.node(modal_, impact.t, false).density : 0.0;
   const double rho = cluster_.growth * std::exp(2.0 * delta * metric_.damping()) * cluster_.moved();
-  const bool alone = is_alone(impact);
   before_ = state_.motion;
   if (alone) take_free_branch(impact);
   replica_.take(of_one_instant, state_);
@@ -402,7 +410,7 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
   const ContactVector gamma = gap_velocities(taking_part, before_);
   const Eigen::MatrixXd& G = metric_.dynamics().G();
   const double reach = distance_to_rest(G, taking_part, gamma) + delta * before + rho;
-  const double epsilon = largest_restitution(metric_.dynamics().model());
+  const double epsilon = largest_change(metric_.dynamics().model());
   double off = 0.0;
   if (tolerance_.restitution > 0.0 && impact.closing != 0) {
     off = tolerance_.restitution * restitution_spread(G, taking_part);

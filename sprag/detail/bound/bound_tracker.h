@@ -132,9 +132,10 @@ class BoundTracker {
   bool use_first_order_ = false;
   Replica replica_;
   const State start_;
-  double initial_;         // B(0); infinity: unknown
-  bool law_ = false;       // the replica has the machine's law
-  bool monotone_ = false;  // joint impacts are nonexpansive
+  double initial_;                   // B(0); infinity: unknown
+  bool law_ = false;                 // the replica has the machine's law
+  bool monotone_ = false;            // joint impacts are nonexpansive
+  bool joint_is_unlimited_ = false;  // no limit of their expansion is known
   bool cap_holds_ = false;
   double in_ = 1.0, out_ = 1.0;  // from the nominal energy norm to the true one and back
 

@@ -70,7 +70,7 @@ void BoundTracker::miss_one(const DegradedInterval& gap) {
     const double duration = std::min(step, gap.to - t);
     state_.motion.flow->propagate(state_.motion, at(std::max(t, state_.motion.t.hi)), free_);
     const EventCost cost = single_cost(metric_, tolerance_, SingleEvent::impact, 0,
-                                       metric_.dynamics().model().contacts[0].restitution,
+                                       largest_change(metric_.dynamics().model()),
                                        approach(free_, 0, duration + delta), rho);
     worst.D = std::max(worst.D, cost.D);
     worst.J = std::max(worst.J, cost.J);

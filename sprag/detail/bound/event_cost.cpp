@@ -56,9 +56,10 @@ double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const Con
   return std::sqrt(std::max(0.5 * Lambda.dot(of * Lambda), 0.0));
 }
 
-double largest_restitution(const Model& model) {
+double largest_change(const Model& model) {
   double largest = 0.0;
-  for (const Contact& contact : model.contacts) largest = std::max(largest, contact.restitution);
+  for (const Contact& contact : model.contacts)
+    largest = std::max(largest, largest_change(contact));
   return largest;
 }
 

@@ -49,7 +49,7 @@ Approach approach(const Motion& free, int contact, double delta);
 enum class SingleEvent { impact, closes };
 
 /// Cost of an impact or a closing of one contact with no other closed. `rho`: distance of the path
-/// from the replica, sqrt of energy; `epsilon`: the replica's restitution.
+/// from the replica, sqrt of energy; `epsilon`: largest_change() of the contact.
 EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, SingleEvent kind,
                       int contact, double epsilon, const Approach& approach, double rho);
 
@@ -63,8 +63,8 @@ EventCost opening_cost(const EnergyMetric& metric, const Tolerance& tolerance, i
 /// dependent.
 double distance_to_rest(const Eigen::MatrixXd& G, ContactSet contacts, const ContactVector& gamma);
 
-/// Largest epsilon of the contacts; 0 without contacts.
-double largest_restitution(const Model& model);
+/// Largest epsilon or |d(epsilon v)/dv| of the contacts; 0 without contacts.
+double largest_change(const Model& model);
 
 /// \brief Largest factor by which an impact of these contacts expands the distance of two states,
 /// under Newton's or Poisson's law with any restitutions up to `epsilon`; >= 1.

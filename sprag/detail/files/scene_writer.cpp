@@ -123,6 +123,21 @@ struct Mount {
   bool own_motion = false;     // `motion` is written, even if it is zero
 };
 
+void add_restitution(std::string& text, const Contact& contact) {
+  const RestitutionCurve& curve = contact.curve;
+  if (curve.is_constant()) return add(text, "restitution", contact.restitution);
+  if (curve.at.empty()) {
+    text += "restitution = { value = " + text_of(contact.restitution) +
+            ", slope = " + text_of(curve.slope) + " }\n";
+    return;
+  }
+  const Eigen::Map<const Eigen::VectorXd> at(curve.at.data(), std::ssize(curve.at));
+  Eigen::VectorXd value(at.size());
+  for (Eigen::Index k = 0; k < at.size(); ++k) value[k] = restitution_at(contact, -at[k]).epsilon;
+  text += "restitution = { at = " + text_of(Eigen::VectorXd(at)) + ", value = " + text_of(value) +
+          " }\n";
+}
+
 void add_contact(std::string& text, const Contact& contact, const Mount& mount) {
   text += "\n[[contact]]\n";
   add(text, "direction", contact.w);
@@ -134,7 +149,7 @@ void add_contact(std::string& text, const Contact& contact, const Mount& mount) 
   } else if (mount.word != nullptr) {
     text += std::string("mount = ") + mount.word + '\n';
   }
-  add(text, "restitution", contact.restitution);
+  add_restitution(text, contact);
 }
 
 void add_output(std::string& text, const Output& output) {
@@ -279,7 +294,7 @@ void add_beam(std::string& text, const Scene& scene, const BeamText& of) {
     text += of.sides[i] == Side::below ? "side = \"below\"\n" : "side = \"above\"\n";
     add(text, "clearance", contact.clearance);
     text += of.on_ground[i] ? "mount = \"ground\"\n" : "mount = \"frame\"\n";
-    add(text, "restitution", contact.restitution);
+    add_restitution(text, contact);
   }
 }
 

@@ -55,7 +55,8 @@ constexpr double rest_variance_ratio = 100.0;
 EventFilter::EventFilter(Flight& flight, FilterModel model)
     : model_(std::move(model)), at_(flight, model_), published_(at_, no_belief()) {
   model_.considered.resize(static_cast<std::size_t>(unknowns()), false);
-  const Eigen::Index columns = at_.event_columns();
+  const Eigen::Index bend = flight.bend().size() > 0 ? 1 : 0;
+  const Eigen::Index columns = at_.event_columns() + bend;
   for (Eigen::VectorXd* of : {&offset_, &past_mean_, &point_.z}) of->setZero(at_.size());
   for (Eigen::VectorXd* of : {&x_, &kick_}) of->setZero(2 * n());
   for (Eigen::VectorXd* of : {&c_, &from_point_, &c_by_c_, &velocity_by_c_})
@@ -319,21 +320,24 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   node.gamma_sigma = at_.psi.norm();
   // Impact, and flight to the common time.
   Flight& on = flight();
-  const Eigen::Index columns = node.columns.cols();
+  const Eigen::Index columns = at_.event_columns();
+  const bool bends = node.columns.cols() > columns;
   on.set(theta, unknowns() > 0);
   on.fly(x_, when, 0.0, closes ? 0 : belief.held);
-  node.columns.topRows(2 * n()) = at_.X.leftCols(columns);
-  node.columns.bottomRows(unknowns()) = at_.T.leftCols(columns);
+  node.columns.topLeftCorner(2 * n(), columns) = at_.X.leftCols(columns);
+  node.columns.bottomLeftCorner(unknowns(), columns) = at_.T.leftCols(columns);
+  if (bends) node.columns.col(columns).setZero();
   auto moved = node.columns.topRows(2 * n());
   if (closes) {
-    node.held = on.strike(event.contact, event.kind == Kind::stays, belief.held);
+    node.held = on.strike(event.contact, event.kind == Kind::stays, belief.held, node.gamma_sigma);
     node.jump = on.x() - x_;
     on.carry_through(moved);
+    if (bends) moved.col(columns) = on.bend();
     // Gap velocity immediately after the impact.
     on.differences(event.contact, false, c_by_c_, velocity_by_c_);
     node.after = on.gap(event.contact).velocity + velocity_by_c_.dot(c_ - theta);
     double seen = 0.0;
-    for (Eigen::Index j = 0; j < columns; ++j) {
+    for (Eigen::Index j = 0; j < moved.cols(); ++j) {
       seen += square(at_.of_velocity.dot(moved.col(j)) +
                      velocity_by_c_.dot(node.columns.col(j).tail(unknowns())));
     }
@@ -353,7 +357,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
   }
   if (steps_ == nullptr) return;
   node.past_mean = at_.past_mean;
-  node.past = at_.past.leftCols(columns);
+  node.past.leftCols(columns) = at_.past.leftCols(columns);
 }
 
 // Variance of the gap velocity at the end of a completed chatter: the bounces that the master
@@ -506,7 +510,6 @@ bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBe
 // Sets the belief's time, held contacts and impact estimate from the nodes.
 void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) {
   ImpactEstimate& impact = belief.impact;
-  const double epsilon = event.kind == Kind::impact ? flight().restitution(event.contact) : 0.0;
   double mean = 0.0, squares = 0.0, rebound = 0.0, heaviest = 0.0, departs = 0.0;
   impact.before = impact.after = 0.0;
   for (int i = 0; i < nodes; ++i) {
@@ -519,7 +522,9 @@ void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) 
     if (node.log_weight <= heaviest) continue;
     heaviest = node.log_weight;
     departs = node.departs;
-    rebound = epsilon * std::hypot(node.gamma, node.gamma_sigma);
+    rebound = event.kind == Kind::impact ? flight().restitution(event.contact, node.gamma) *
+                                               std::hypot(node.gamma, node.gamma_sigma)
+                                         : 0.0;
     if (event.kind == Kind::opens) {
       impact.jump.setZero();
     } else {

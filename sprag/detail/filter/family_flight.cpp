@@ -56,7 +56,8 @@ FamilyFlight::FamilyFlight(const Scene& scene, std::vector<Unknown> unknowns)
   values_.setZero(this->unknowns());
   turn_steps_ = variant.steps;
   for (Eigen::VectorXd* of : {&x_, &by_time_, &column_}) of->setZero(n2);
-  for (Eigen::VectorXd* of : {&a_, &rate_, &struck_.direction, &jump_.direction}) of->setZero(n());
+  if (has_curves(scene.model)) bend_.setZero(2 * n());
+  for (Eigen::VectorXd* of : {&a_, &rate_, &change_.direction, &jump_.direction}) of->setZero(n());
   by_c_.setZero(n2, this->unknowns());
   generator_.setZero(size, size);
   scale_.setZero(size);
@@ -619,10 +620,21 @@ void FamilyFlight::acceleration_gradient(int contact, Vector of) const {
   of.tail(n()) = -centre().machine.CW.col(contact);
 }
 
-void FamilyFlight::find_jump(int contact, bool stays, ContactSet others, const Variant& variant,
-                             Jump& jump) const {
+ImpactRestitution FamilyFlight::at_impact(int contact, double gamma, double sigma,
+                                          const Variant& variant) const {
   const FamilyMachine& machine = variant.machine;
-  const double epsilon = stays ? 0.0 : machine.restitution[contact];
+  const Contact& of = machine.scene.model.contacts[static_cast<std::size_t>(contact)];
+  if (of.curve.is_constant()) return {machine.restitution[contact]};
+  // Speeds are those of the machine's own time.
+  const double scale = machine.clock_scale;
+  const auto [epsilon, slope, scatter] = restitution_over(of, scale * gamma, scale * sigma);
+  return {epsilon, scale * slope, scatter / scale};
+}
+
+// Impact of a contact with restitution `epsilon` while `others` are held.
+void FamilyFlight::find_jump(int contact, double epsilon, bool ends_chatter, ContactSet others,
+                             const Variant& variant, Jump& jump) const {
+  const FamilyMachine& machine = variant.machine;
   jump.change = 1.0 + epsilon;
   jump.direction = machine.W.col(contact) / machine.G(contact, contact);
   jump.staying = others;
@@ -634,26 +646,41 @@ void FamilyFlight::find_jump(int contact, bool stays, ContactSet others, const V
   jump.direction.setZero();
   add_forces(machine, others | bit(contact), impact.Lambda, jump.direction);
   // The end of a completed chatter releases no contact.
-  if (!(stays && machine.restitution[contact] > 0.0)) jump.staying = impact.staying;
+  if (!ends_chatter) jump.staying = impact.staying;
 }
 
-ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet held) {
+ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet held, double sigma) {
   contact_ = contact;
   const ContactSet own = bit(contact), others = held & ~own;
-  find_jump(contact, stays, others, centre(), struck_);
-  const ContactSet after = stays ? struck_.staying | own : struck_.staying;
   // by_time_ = f-(x-) - f+(x+) - (d/dt jump), with the rates f- and f+ of x before and after the
   // impact, which include the forces of held contacts.
   accelerate(centre(), others, a_);
   by_time_.tail(n()) = a_;
   const double acceleration =
       centre().machine.W.col(contact).dot(a_) + support(contact, centre()).acceleration;
-  by_time_.tail(n()) -= (struck_.change * acceleration) * struck_.direction;
-  by_time_.head(n()) = (struck_.change * gap(contact, centre()).velocity) * struck_.direction;
+  ContactSet after = 0;
   for (std::size_t j = 0; j < used(); ++j) {
     Variant& variant = variants_[j];
-    find_jump(contact, stays, others, variant, jump_);
-    variant.x.tail(n()) -= (jump_.change * gap(contact, variant).velocity) * jump_.direction;
+    const double velocity = gap(contact, variant).velocity;
+    const auto [epsilon, slope, scatter] =
+        stays ? ImpactRestitution{} : at_impact(contact, velocity, sigma, variant);
+    const bool ends_chatter = stays && variant.machine.restitution[contact] > 0.0;
+    find_jump(contact, epsilon, ends_chatter, others, variant, jump_);
+    variant.x.tail(n()) -= (jump_.change * velocity) * jump_.direction;
+    if (j > 0) continue;
+    after = stays ? jump_.staying | own : jump_.staying;
+    by_time_.head(n()) = (jump_.change * velocity) * jump_.direction;
+    std::swap(change_, jump_);
+    if (bend_.size() > 0) {
+      // The jump is linear in epsilon, which depends on gamma-.
+      find_jump(contact, epsilon + epsilon_step, ends_chatter, others, variant, jump_);
+      change_.direction *= change_.change;
+      change_.change = 1.0;
+      bend_.tail(n()) = (jump_.change * jump_.direction - change_.direction) / epsilon_step;
+      change_.direction -= (slope * velocity) * bend_.tail(n());
+      bend_ *= scatter;
+    }
+    by_time_.tail(n()) -= (change_.change * acceleration) * change_.direction;
   }
   accelerate(centre(), after, a_);
   by_time_.tail(n()) -= a_;
@@ -664,7 +691,7 @@ ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet held) {
 void FamilyFlight::carry_through(Columns dx) const {
   const auto w = centre().machine.W.col(contact_);
   for (auto column : dx.colwise()) {
-    column.tail(n()) -= (struck_.change * w.dot(column.tail(n()))) * struck_.direction;
+    column.tail(n()) -= (change_.change * w.dot(column.tail(n()))) * change_.direction;
   }
 }
 

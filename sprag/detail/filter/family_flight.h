@@ -50,7 +50,7 @@ class FamilyFlight final : public Flight {
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int contact, Vector of) const override;
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
-  ContactSet strike(int contact, bool stays, ContactSet held) override;
+  ContactSet strike(int contact, bool stays, ContactSet held, double sigma = 0.0) override;
   void carry_through(Columns dx) const override;
   /// Not supported and not needed: with uncertain parameters event times are never exact.
   bool strike_together(ContactSet, ContactSet, ContactSet, ContactSet, Vector, Columns,
@@ -60,6 +60,9 @@ class FamilyFlight final : public Flight {
   const Eigen::VectorXd& by_time() const override { return by_time_; }
   void along(int contact, Vector dx) const override;
   double restitution(int contact) const override { return centre().machine.restitution[contact]; }
+  double restitution(int contact, double gamma) const override {
+    return at_impact(contact, gamma, 0.0, centre()).epsilon;
+  }
   void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) override;
   void state(const ConstVector& x, double t, Vector q, Vector u) override;
   const Eigen::MatrixXd& to_state() const override { return to_state_; }
@@ -126,8 +129,10 @@ class FamilyFlight final : public Flight {
   Gap support(int contact, const Variant& variant) const;
   Gap gap(int contact, const Variant& variant) const;
   Gap force(int contact, const Variant& variant) const;
-  void find_jump(int contact, bool stays, ContactSet others, const Variant& variant,
-                 Jump& jump) const;
+  ImpactRestitution at_impact(int contact, double gamma, double sigma,
+                              const Variant& variant) const;
+  void find_jump(int contact, double epsilon, bool ends_chatter, ContactSet others,
+                 const Variant& variant, Jump& jump) const;
   void difference();
 
   FamilyOfMachines family_;
@@ -142,7 +147,8 @@ class FamilyFlight final : public Flight {
   std::vector<OscillatorStep> turn_steps_;
   Transition turn_;
   MatrixExponential exponential_;
-  Jump struck_, jump_;
+  Jump change_;  // derivative of the centre's impact by gamma-
+  Jump jump_;
   int contact_ = 0;  // of strike()
   // Scratch.
   Eigen::MatrixXd generator_;

@@ -132,6 +132,7 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   const double shift = (changed.clock.offset - clock.offset) / clock.rate;
   to_modes(C_, scene().model.C, model.C, machine.C);
   to_modes(K_, scene().model.K, model.K, machine.K);
+  machine.clock_scale = scale;
   machine.C /= scale;
   machine.K /= square(scale);
   for (Eigen::Index i = 0; i < contacts(); ++i) {

@@ -22,7 +22,9 @@ struct FamilyMachine {
   Eigen::MatrixXd C, K;               ///< n x n
   Eigen::MatrixXd W, CW, KW;          ///< n x m: W, C^T W, K W
   Eigen::MatrixXd G;                  ///< W^T W, m x m
-  Eigen::VectorXd clearance, restitution;
+  Eigen::VectorXd clearance;
+  Eigen::VectorXd restitution;  ///< of the slowest impacts; scene.model has those of the faster
+  double clock_scale = 1.0;     ///< speeds in the machine's own time over those of the events' time
   Eigen::VectorXd constant_force;    ///< n entries
   Eigen::VectorXd frequencies;       ///< H entries [rad per unit of time]
   Eigen::MatrixXcd forces, motions;  ///< n x H and m x H: F and s are Re(forces e^(i Omega t))

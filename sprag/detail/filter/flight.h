@@ -13,6 +13,9 @@
 
 namespace sprag {
 
+/// For the derivative of a jump by a restitution, in which it is piecewise linear.
+inline constexpr double epsilon_step = 1e-6;
+
 class Flight {
  public:
   using Columns = Eigen::Ref<Eigen::MatrixXd>;
@@ -82,9 +85,13 @@ class Flight {
 
   /// After fly(): applies the impact of a contact while `held` are closed. x() and by_unknowns()
   /// then refer to the state after the impact. `stays`: the contact stays closed, with restitution
-  /// 0.
+  /// 0. `sigma`: standard deviation of the gap velocity before the impact, for a restitution that
+  /// depends on it.
   /// \return the contacts that are closed after the impact, without those that it releases
-  virtual ContactSet strike(int contact, bool stays, ContactSet held) = 0;
+  virtual ContactSet strike(int contact, bool stays, ContactSet held, double sigma = 0.0) = 0;
+  /// After strike(): deviation of x() that carry_through() lacks, since a restitution depends on
+  /// the speed. Empty if none does.
+  const Eigen::VectorXd& bend() const { return bend_; }
   /// Maps deviations of x before the impact of strike() to those after it at a fixed impact time,
   /// 2n rows, in place.
   virtual void carry_through(Columns dx) const = 0;
@@ -100,7 +107,9 @@ class Flight {
   virtual const Eigen::VectorXd& by_time() const = 0;
   /// Change of x by an impulse on the contact that changes its gap velocity by 1, 2n entries.
   virtual void along(int contact, Vector dx) const = 0;
+  /// Restitution of the slowest impacts, and that at a gap velocity before the impact.
   virtual double restitution(int contact) const = 0;
+  virtual double restitution(int contact, double gamma) const = 0;
 
   /// Converts a state (q, u) at t, f entries each, to x, and back.
   virtual void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) = 0;
@@ -112,7 +121,7 @@ class Flight {
   virtual double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const = 0;
 
  protected:
-  Eigen::VectorXd x_;
+  Eigen::VectorXd x_, bend_;
   Eigen::MatrixXd by_c_;
 };
 

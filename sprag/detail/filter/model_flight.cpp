@@ -45,6 +45,7 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
   by_c_.resize(2 * f_, 0);
   for (Eigen::VectorXd* of : {&u_before_, &difference_}) of->setZero(f_);
   gaps_.setZero(contacts());
+  if (has_curves(model)) bend_.setZero(2 * f_);
   restitution_.resize(contacts());
   for (int i = 0; i < contacts(); ++i) restitution_[i] = restitution(i);
   closings_.reserve(static_cast<std::size_t>(contacts()));
@@ -247,37 +248,54 @@ void ModelFlight::find_rates(Vector of) const {
   }
 }
 
-ContactSet ModelFlight::strike(int contact, bool stays, ContactSet held) {
+// Impact of a contact with restitution `epsilon` while `others` are held.
+ModelFlight::Jump ModelFlight::jump_of(int contact, double epsilon, bool ends_chatter,
+                                       ContactSet others, Vector direction) const {
   const Dynamics& dynamics = flows_->dynamics();
-  const double epsilon = stays ? 0.0 : restitution(contact);
-  const ContactSet own = bit(contact);
-  change_ = 1.0 + epsilon;
-  direction_ = kicks_.col(contact) / dynamics.G()(contact, contact);
-  ContactSet staying = held & ~own;
-  if (staying != 0) {
-    const SingleImpact impact =
-        single_impact(dynamics.G(), model().law, restitution_, contact, epsilon, staying);
-    if (impact.solved == Solved::yes) {
-      change_ = impact.change;
-      direction_.setZero();
-      Eigen::Index row = 0;
-      for_each(staying | own, [&](int i) { direction_ += impact.Lambda[row++] * kicks_.col(i); });
-      // The end of a completed chatter releases no contact.
-      if (!(stays && restitution(contact) > 0.0)) staying = impact.staying;
-    }
-  }
+  Jump jump{1.0 + epsilon, others};
+  direction = kicks_.col(contact) / dynamics.G()(contact, contact);
+  if (others == 0) return jump;
+  const SingleImpact impact =
+      single_impact(dynamics.G(), model().law, restitution_, contact, epsilon, others);
+  if (impact.solved != Solved::yes) return jump;
+  jump.change = impact.change;
+  direction.setZero();
+  Eigen::Index row = 0;
+  for_each(others | bit(contact),
+           [&](int i) { direction += impact.Lambda[row++] * kicks_.col(i); });
+  // The end of a completed chatter releases no contact.
+  if (!ends_chatter) jump.staying = impact.staying;
+  return jump;
+}
+
+ContactSet ModelFlight::strike(int contact, bool stays, ContactSet held, double sigma) {
+  const ContactSet own = bit(contact), others = held & ~own;
   const Signal& gamma = free().gap_velocity(contact);
+  const double velocity = value(gamma, motion_);
+  const auto [epsilon, slope, scatter] =
+      stays ? ImpactRestitution{} : restitution_over(this->contact(contact), velocity, sigma);
+  const bool ends_chatter = stays && restitution(contact) > 0.0;
+  const Jump jump = jump_of(contact, epsilon, ends_chatter, others, direction_);
+  x_ -= (jump.change * velocity) * direction_;
+  change_ = jump.change;
+  if (bend_.size() > 0) {
+    // The jump is linear in epsilon, which depends on gamma-.
+    const Jump next = jump_of(contact, epsilon + epsilon_step, ends_chatter, others, bend_);
+    direction_ *= jump.change;
+    change_ = 1.0;
+    bend_ = (next.change * bend_ - direction_) / epsilon_step;
+    direction_ -= (slope * velocity) * bend_;
+    bend_ *= scatter;
+  }
   by_velocity_ << gamma.p.segment(first_, f_).matrix(), gamma.r.segment(first_, f_).matrix();
   find_rates(by_time_);
-  const double velocity = value(gamma, motion_);
   by_time_ -= (change_ * rate(gamma, motion_)) * direction_;
-  x_ -= (change_ * velocity) * direction_;
   motion_.x.z.segment(first_, f_) = x_.head(f_).array();
   motion_.x.v.segment(first_, f_) = x_.tail(f_).array();
   find_rates(rates_);
   by_time_ -= rates_;
   held_ = 0;
-  return stays ? staying | own : staying;
+  return stays ? jump.staying | own : jump.staying;
 }
 
 void ModelFlight::carry_through(Columns dx) const {
@@ -288,28 +306,38 @@ void ModelFlight::carry_through(Columns dx) const {
 
 bool ModelFlight::strike_together(ContactSet closing, ContactSet staying, ContactSet kept,
                                   ContactSet leaving, Vector x, Columns dx, Vector unknown) {
+  set_motion(x, motion_.t.hi);
+  const auto of = [&](int i, const auto& column) {
+    const Signal& gamma = free().gap_velocity(i);
+    return gamma.p.segment(first_, f_).matrix().dot(column.head(f_)) +
+           gamma.r.segment(first_, f_).matrix().dot(column.tail(f_));
+  };
   closings_.clear();
+  bool bends = false;
   for_each(closing, [&](int i) {
-    closings_.push_back({i, contains(staying, i) ? 0.0 : restitution(i)});
+    Closing next{i, {}, value(free().gap_velocity(i), motion_)};
+    if (!contains(staying, i)) {
+      double variance = 0.0;
+      if (bend_.size() > 0) {
+        for (const auto column : dx.colwise()) variance += square(of(i, column));
+      }
+      next.restitution = restitution_over(contact(i), next.gamma, std::sqrt(variance));
+      bends = bends || next.restitution.scatter > 0.0;
+    }
+    closings_.push_back(next);
   });
   impact_.set(closings_, kept, leaving);
-  const auto gamma_of = [&](Eigen::Index k) -> const Signal& {
-    return free().gap_velocity(closings_[static_cast<std::size_t>(k)].contact);
-  };
   for (auto column : dx.colwise()) {
     u_.setZero();
-    const auto gamma = [&](Eigen::Index k) {
-      const Signal& of = gamma_of(k);
-      return of.p.segment(first_, f_).matrix().dot(column.head(f_)) +
-             of.r.segment(first_, f_).matrix().dot(column.tail(f_));
+    const auto d_gamma = [&](Eigen::Index k) {
+      return of(closings_[static_cast<std::size_t>(k)].contact, column);
     };
-    if (!impact_.add_jump(gamma, u_)) return false;
+    if (!impact_.add_change(d_gamma, u_)) return false;
     column.noalias() += from_state_.rightCols(f_).lazyProduct(u_);
   }
-  set_motion(x, motion_.t.hi);
   free().state(motion_, q_, u_before_);
   u_ = u_before_;
-  impact_.add_jump([&](Eigen::Index k) { return value(gamma_of(k), motion_); }, u_);
+  impact_.add_jump(u_);
   const auto decision = impact_.decide(u_before_, u_, motion_.t.hi, difference_);
   u_ -= u_before_;
   if (decision == ActiveImpact::Decision::same) {
@@ -319,6 +347,12 @@ bool ModelFlight::strike_together(ContactSet closing, ContactSet staying, Contac
     if (decision == ActiveImpact::Decision::as_reported) u_ += difference_;
   }
   x.noalias() += from_state_.rightCols(f_).lazyProduct(u_);
+  if (!bends) return true;
+  for (const Closing& of_one : closings_) {
+    unknown +=
+        (of_one.restitution.scatter / flows_->dynamics().G()(of_one.contact, of_one.contact)) *
+        kicks_.col(of_one.contact);
+  }
   return true;
 }
 
@@ -326,8 +360,10 @@ void ModelFlight::along(int contact, Vector dx) const {
   dx = kicks_.col(contact) / flows_->dynamics().G()(contact, contact);
 }
 
-double ModelFlight::restitution(int contact) const {
-  return flows_->dynamics().model().contacts[static_cast<std::size_t>(contact)].restitution;
+double ModelFlight::restitution(int contact) const { return this->contact(contact).restitution; }
+
+double ModelFlight::restitution(int contact, double gamma) const {
+  return restitution_at(this->contact(contact), gamma).epsilon;
 }
 
 void ModelFlight::enter(const ConstVector& q, const ConstVector& u, double t, Vector x) {

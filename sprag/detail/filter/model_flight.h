@@ -40,13 +40,14 @@ class ModelFlight final : public Flight {
   void gradients(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
   void acceleration_gradient(int contact, Vector of) const override;
   void differences(int contact, bool of_force, Vector of_g, Vector of_velocity) const override;
-  ContactSet strike(int contact, bool stays, ContactSet held) override;
+  ContactSet strike(int contact, bool stays, ContactSet held, double sigma = 0.0) override;
   void carry_through(Columns dx) const override;
   bool strike_together(ContactSet closing, ContactSet staying, ContactSet kept, ContactSet leaving,
                        Vector x, Columns dx, Vector unknown) override;
   const Eigen::VectorXd& by_time() const override { return by_time_; }
   void along(int contact, Vector dx) const override;
   double restitution(int contact) const override;
+  double restitution(int contact, double gamma) const override;
   void enter(const ConstVector& q, const ConstVector& u, double t, Vector x) override;
   void state(const ConstVector& x, double t, Vector q, Vector u) override;
   const Eigen::MatrixXd& to_state() const override { return to_state_; }
@@ -54,13 +55,21 @@ class ModelFlight final : public Flight {
   double twice_energy(const Eigen::Ref<const Eigen::MatrixXd>& dx) const override;
 
  private:
+  struct Jump {
+    double change = 0.0;  // of gamma over -gamma-
+    ContactSet staying = 0;
+  };
+
   const Flow& free() const { return (*flows_)[0]; }
   const Model& model() const { return flows_->dynamics().model(); }
+  const Contact& contact(int i) const { return model().contacts[static_cast<std::size_t>(i)]; }
   void set_motion(const ConstVector& x, double t);
   void move(double tau, ContactSet held);
   void carry(const Flow& flow, const OscillatorKernels& kernels, Columns dx);
   void carry_held(const Flow& flow, const OscillatorKernels& kernels, Columns dx);
   void find_rates(Vector of) const;
+  Jump jump_of(int contact, double epsilon, bool ends_chatter, ContactSet others,
+               Vector direction) const;
 
   std::shared_ptr<Flows> flows_;
   Eigen::Index f_, first_;  // coordinates; index of the first mode of a flow
@@ -75,7 +84,7 @@ class ModelFlight final : public Flight {
   std::vector<Watch> gaps_to_watch_;
   bool kernels_known_ = false;
   OscillatorKernels kernels_, turn_;
-  // Impact of strike(): x += -change_ gamma direction_.
+  // Derivative of the impact of strike() by gamma-: x += -change_ d gamma direction_.
   Eigen::VectorXd direction_, by_velocity_, by_time_;
   double change_ = 0.0;
   Eigen::VectorXd restitution_;  // m entries

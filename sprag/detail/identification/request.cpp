@@ -65,7 +65,7 @@ std::vector<Unknown> sought(const Scene& scene, const IdentifyRequest& request) 
     const auto own = request.within_of.find(unknown.key);
     if (own != request.within_of.end()) {
       unknown.within = own->second;
-    } else if (request.within) {
+    } else if (request.within && unknown.kind != Unknown::Kind::restitution_slope) {
       unknown.within = *request.within;
     }
   }

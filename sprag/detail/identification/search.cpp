@@ -16,6 +16,8 @@ using Eigen::VectorXd;
 // Events of the first window beyond the unknowns.
 constexpr std::size_t spare = 8;
 constexpr std::size_t least_spare = 4;
+// Rounds for the speed of an impact from the speed after it.
+constexpr int speed_rounds = 8;
 // Points of the design over the ranges, for one parameter and at most.
 constexpr std::size_t points_of_one = 64, most_points = 1200, points_of_split = 150;
 constexpr std::size_t kept_candidates = 12, refined_candidates = 4;
@@ -575,13 +577,18 @@ std::optional<std::vector<FitEvent>> FitSearch::earlier_events(const Chain& chai
     const std::optional<FitEvent> first = next_impact(x, t, last.t - tolerance, part.held);
     if (!first || first->t < last.t) break;
     if (first->contact == last.contact && first->t < last.t + tolerance) break;
-    const double restitution = flight.restitution(first->contact);
-    if (part.held != 0 || restitution == 0.0) return std::nullopt;
+    if (part.held != 0 || flight.restitution(first->contact) == 0.0) return std::nullopt;
     lost.insert(lost.begin(), *first);
     flight.fly(x, t, first->t - t, part.held);
     flight.along(first->contact, along);
     const double after = flight.gap(first->contact).velocity;
-    x = flight.x() - (1.0 + 1.0 / restitution) * after * along;
+    // epsilon(v) v is the speed after the impact.
+    double before = -after / flight.restitution(first->contact);
+    for (int round = 0; round < speed_rounds; ++round) {
+      before = -after / flight.restitution(first->contact, before);
+    }
+    if (!std::isfinite(before)) return std::nullopt;
+    x = flight.x() - (after - before) * along;
     t = first->t;
   }
   if (lost.size() > most_lost) return std::nullopt;

@@ -25,7 +25,10 @@ std::string share(const Identification& fit) {
 std::string of_cause(const Identification& fit) {
   switch (fit.departure.cause) {
     case Cause::restitution_by_speed:
-      return "The likeliest cause: the restitution depends on the impact's speed.";
+      return "The likeliest cause: the restitution depends on the impact's speed. The scene can "
+             "say "
+             "so: restitution = { value = ..., slope = " +
+             short_number(fit.departure.trend ? fit.departure.trend->trend : 0.0, 2) + " }.";
     case Cause::restitution_scatter:
       return "The likeliest cause: the restitution scatters from impact to impact.";
     case Cause::drift:

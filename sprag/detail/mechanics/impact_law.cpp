@@ -75,8 +75,9 @@ bool is_guess(const ContactMatrix& A, const Basis& basic, const ContactVector& y
 }  // namespace
 
 bool has_one_restitution(const Model& model) {
+  if (model.contacts.size() == 1) return true;
   return std::all_of(model.contacts.begin(), model.contacts.end(), [&](const Contact& contact) {
-    return contact.restitution == model.contacts.front().restitution;
+    return contact.curve.is_constant() && contact.restitution == model.contacts.front().restitution;
   });
 }
 

@@ -34,7 +34,7 @@ enum class Solved {
   dependent  ///< G is singular within rounding: the contacts' directions are linearly dependent
 };
 
-/// Whether all contacts have the same restitution.
+/// Whether all contacts have the same restitution at all speeds. One contact has.
 bool has_one_restitution(const Model& model);
 
 /// Those of `rest` whose directions are linearly independent of those of `first`, which must be

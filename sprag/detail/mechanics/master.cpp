@@ -383,6 +383,13 @@ ContactSet Master::touching_beside(ContactSet contacts) const {
   return touched;
 }
 
+// Restitution of contact i at its gap velocity.
+double Master::restitution_now(int i) const {
+  const Contact& contact = flows_.dynamics().model().contacts[index(i)];
+  if (contact.curve.is_constant()) return contact.restitution;
+  return restitution_at(contact, solver_.gap_velocity(i, motion_)).epsilon;
+}
+
 // Impact of the contacts `closing`. A closing contact that stays closed takes restitution 0, one
 // that is released its own restitution, as in a replica. Both choices can change which contacts
 // stay closed, so that the impact is solved until they agree. `staying` receives the result.
@@ -392,8 +399,8 @@ Collision Master::collide(ContactSet closing, ContactSet& staying) {
   before_ = motion_;
   ContactSet forced_open = 0;
   while (true) {
-    for (std::size_t i = 0; i < epsilon_.size(); ++i) {
-      epsilon_[i] = contains(staying, static_cast<int>(i)) ? 0.0 : model.contacts[i].restitution;
+    for (int i = 0; i < flows_.dynamics().contacts(); ++i) {
+      epsilon_[index(i)] = contains(staying, i) ? 0.0 : restitution_now(i);
     }
     Collision collision =
         solver_.collide(participants, epsilon_, participants, ~penetrating_, motion_);

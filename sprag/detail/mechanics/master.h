@@ -138,6 +138,7 @@ class Master {
   void release(ContactSet releasing, std::vector<ContactEvent>& events);
   void arrest(ContactSet arrested);
   void close(ContactSet closing, ContactSet to_stay, std::vector<ContactEvent>& events);
+  double restitution_now(int i) const;
   Collision collide(ContactSet closing, ContactSet& staying);
   void foresee_completion(int contact, double gamma);
   ContactSet touching_beside(ContactSet contacts) const;

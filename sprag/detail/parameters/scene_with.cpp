@@ -71,6 +71,7 @@ void SceneValues::set(const Eigen::VectorXd& values, Scene& scene,
     const Contact& contact = nominal_.model.contacts[i];
     model.contacts[i].clearance = contact.clearance;
     model.contacts[i].restitution = contact.restitution;
+    model.contacts[i].curve.slope = contact.curve.slope;
     model.contacts[i].motion = contact.motion;
   }
   scene.beam = nominal_.beam;
@@ -93,6 +94,9 @@ void SceneValues::set(const Unknown& unknown, double value, Scene& scene,
   switch (unknown.kind) {
     case Kind::restitution:
       set_restitution(unknown.index, value, model);
+      break;
+    case Kind::restitution_slope:
+      model.contacts[i].curve.slope = value;
       break;
     case Kind::damping:
       if (scene.beam && scene.beam->damping_ratio.size() == 0) {

@@ -17,6 +17,7 @@ namespace {
 using Kind = Unknown::Kind;
 
 constexpr double beyond = 0.05;  // margin of the search range in coordinates
+constexpr double slopes = 10.0;  // range of the slope of a restitution, in nominal ones
 
 Unknown positive_unknown(Kind kind, int index, std::string key, std::string unit, double nominal) {
   Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
@@ -32,17 +33,23 @@ std::string of(const char* table, std::size_t i, const char* key) {
 void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
   const auto& contacts = model.contacts;
   const bool one = has_one_restitution(model);
-  const auto restitution = [](int index, std::string key, double nominal) {
-    Unknown unknown = positive_unknown(Kind::restitution, index, std::move(key), "", nominal);
-    unknown.upper_limit = 1.0;
-    return unknown;
+  const auto add = [&](int index, const std::string& key, const Contact& contact) {
+    const bool constant = contact.curve.is_constant();
+    unknowns.push_back(positive_unknown(Kind::restitution, index, constant ? key : key + ".value",
+                                        "", contact.restitution));
+    unknowns.back().upper_limit =
+        contact.restitution > 0.0 ? contact.restitution / largest_restitution(contact) : 1.0;
+    if (contact.curve.slope == 0.0) return;
+    Unknown slope{.kind = Kind::restitution_slope, .index = index, .key = key + ".slope"};
+    slope.unit = "s/m";
+    slope.nominal = contact.curve.slope;
+    slope.unit_step = -contact.curve.slope;
+    slope.within = slopes;
+    unknowns.push_back(slope);
   };
-  if (one) {
-    unknowns.push_back(restitution(-1, "impact.restitution", contacts.front().restitution));
-  }
+  if (one) add(-1, "impact.restitution", contacts.front());
   for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
-    unknowns.push_back(
-        restitution(static_cast<int>(i), of("contact", i, "restitution"), contacts[i].restitution));
+    add(static_cast<int>(i), of("contact", i, "restitution"), contacts[i]);
   }
 }
 
@@ -93,7 +100,8 @@ std::string unit_of_amplitude(const HarmonicGroup& group) {
 }  // namespace
 
 bool Unknown::is_relative() const {
-  return nominal != 0.0 && kind != Kind::phase && kind != Kind::delay && kind != Kind::clock_offset;
+  return nominal != 0.0 && kind != Kind::phase && kind != Kind::delay &&
+         kind != Kind::clock_offset && kind != Kind::restitution_slope;
 }
 
 double Unknown::coordinate(double of_value) const {
@@ -108,6 +116,7 @@ double Unknown::lowest() const {
   // Half of the slowest period, or of a record's mean period. Larger offsets of harmonics are
   // equivalent to smaller ones.
   if (kind == Kind::clock_offset || kind == Kind::delay) return -std::numbers::pi;
+  if (kind == Kind::restitution_slope) return -within;
   if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
   const double share = -(std::log1p(2.0 * within) + beyond);
   if (logarithmic) return share;
@@ -117,6 +126,7 @@ double Unknown::lowest() const {
 
 double Unknown::highest() const {
   if (kind == Kind::clock_offset || kind == Kind::delay) return std::numbers::pi;
+  if (kind == Kind::restitution_slope) return coordinate(0.0);
   if (kind == Kind::damping) return nominal > 0.0 ? 2.0 * within + beyond : 10.0;
   const double share = std::log1p(2.0 * within) + beyond;
   return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
@@ -134,12 +144,13 @@ bool Unknown::is_physical_bound(double of_value) const {
   constexpr double rounding = 1e-9;
   const bool lowest_is_zero = (kind == Kind::damping || kind == Kind::restitution) &&
                               of_value <= rounding * std::abs(nominal);
+  if (kind == Kind::restitution_slope) return of_value >= 0.0;
   return lowest_is_zero || (upper_limit > 0.0 && of_value >= upper_limit * (1.0 - 1e-12));
 }
 
 bool Unknown::is_within(double of_value, double tolerance) const {
   if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset ||
-      kind == Kind::delay) {
+      kind == Kind::delay || kind == Kind::restitution_slope) {
     return true;
   }
   const double at = coordinate(of_value);
@@ -404,7 +415,7 @@ bool carries_scale(const Unknown& unknown) {
 
 std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
   const std::vector<Unknown> all = unknowns_of(scene);
-  const bool one = all.front().key == "impact.restitution";
+  const bool one = all.front().key.starts_with("impact.");
   const auto is_known = [&](const std::string& key) {
     return std::find(known.begin(), known.end(), key) != known.end();
   };
@@ -420,7 +431,9 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
   }
   std::vector<Unknown> unknowns;
   for (const Unknown& unknown : all) {
-    const bool own_restitution = unknown.kind == Kind::restitution && unknown.index >= 0;
+    const bool own_restitution =
+        (unknown.kind == Kind::restitution || unknown.kind == Kind::restitution_slope) &&
+        unknown.index >= 0;
     if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
   }
   return unknowns;

@@ -70,17 +70,26 @@ void ActiveImpact::set(const std::vector<Closing>& closings, ContactSet staying,
     const auto w = dynamics_->W().col(closing(k).contact);
     for (Eigen::Index l = 0; l < n; ++l) G_(k, l) = w.dot(directions_.col(l));
   }
+  for (Eigen::Index k = 0; k < n; ++k) gamma_[k] = closing(k).gamma;
+  if (arrest(G_, gamma_, compression_) != Solved::yes) compression_.setZero(n);
 }
 
 // Computes Lambda_ from gamma_.
-bool ActiveImpact::find_impulses() {
-  const ImpactLaw law = dynamics_->model().law;
-  const auto scale = [this](ContactVector& x) {
-    for (Eigen::Index k = 0; k < size(); ++k) x[k] *= 1.0 + closing(k).epsilon;
-  };
-  if (law == ImpactLaw::newton) scale(gamma_);
+bool ActiveImpact::find_impulses(bool of_change) {
+  const bool newton = dynamics_->model().law == ImpactLaw::newton;
+  if (newton) {
+    for (Eigen::Index k = 0; k < size(); ++k) {
+      const auto& [epsilon, slope, scatter] = closing(k).restitution;
+      gamma_[k] *= 1.0 + (of_change ? epsilon - slope * closing(k).gamma : epsilon);
+    }
+  }
   if (arrest(G_, gamma_, Lambda_) != Solved::yes) return false;
-  if (law == ImpactLaw::poisson) scale(Lambda_);
+  if (newton) return true;
+  for (Eigen::Index k = 0; k < size(); ++k) {
+    const auto& [epsilon, slope, scatter] = closing(k).restitution;
+    Lambda_[k] *= 1.0 + epsilon;
+    if (of_change) Lambda_[k] -= slope * gamma_[k] * compression_[k];
+  }
   return true;
 }
 
@@ -101,7 +110,7 @@ ActiveImpact::Decision ActiveImpact::decide(const Eigen::VectorXd& before,
                                     [i](const Closing& of) { return of.contact == i; });
     const bool closes = found != closings_->end();
     gamma[row] = closes ? gap_velocity(contact, before, t) : 0.0;
-    epsilon[row++] = closes ? found->epsilon : contact.restitution;
+    epsilon[row++] = closes ? found->restitution.epsilon : contact.restitution;
   });
   if (impact(model.law, G, epsilon, gamma, Lambda, gamma_plus) != Solved::yes) {
     return Decision::same;

@@ -5,7 +5,11 @@
 //   u+ = u- + sum_k d_k Lambda_k,   Poisson: Lambda = -(1 + E) G^-1 gamma-,
 //                                   Newton:  Lambda = -G^-1 (1 + E) gamma-.
 //
-// The branch is linear in gamma-, so that it maps mean and covariance in the same way.
+// The branch is linear in gamma-, so that it maps mean and covariance in the same way, unless a
+// restitution depends on the speed v = -gamma-. Then the change of Lambda by d gamma- is
+//
+//   Poisson: -(1 + E) G^-1 d gamma- + (d epsilon/dv d gamma-) . (G^-1 gamma-), . by components,
+//   Newton:  -G^-1 (1 + d(epsilon v)/dv) d gamma-.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,8 +23,8 @@ namespace sprag {
 /// A contact that closes.
 struct Closing {
   int contact = 0;
-  double epsilon = 0.0;                  ///< 0 if it stays closed
-  double gamma = 0.0, gamma_rate = 0.0;  ///< before the impact
+  ImpactRestitution restitution = {};  ///< 0 if it stays closed
+  double gamma = 0.0;                  ///< of the mean before the impact
 };
 
 /// Impact of one contact while others are held (gamma = 0), by the impact law itself. The law is
@@ -33,7 +37,8 @@ struct SingleImpact {
   ContactVector Lambda;    ///< impulses on the contact and the held ones, by ascending index, for a
                            ///< change of gamma_i by 1
 };
-/// G and the restitutions are those of all contacts; `epsilon` is that of this impact.
+/// G and the restitutions are those of all contacts; `epsilon` is that of this impact. With
+/// d(epsilon v)/dv in its place the result is the derivative of the impact by gamma_i-.
 SingleImpact single_impact(const Eigen::MatrixXd& G, ImpactLaw law,
                            const Eigen::VectorXd& restitution, int contact, double epsilon,
                            ContactSet held);
@@ -47,12 +52,20 @@ class ActiveImpact {
   /// held. Contacts of `leaving` are closed before the impact and open after it.
   void set(const std::vector<Closing>& closings, ContactSet staying, ContactSet leaving);
 
-  /// Adds u+ - u- to `u`, f entries, for the gap velocity gamma(k) of the k-th closing. Returns
-  /// false and adds nothing if the directions are linearly dependent.
+  /// Adds u+ - u- of the mean to `u`, f entries. Returns false and adds nothing if the directions
+  /// are linearly dependent.
+  template <typename Velocities>
+  bool add_jump(Velocities&& u) {
+    for (Eigen::Index k = 0; k < size(); ++k) gamma_[k] = closing(k).gamma;
+    if (!find_impulses(false)) return false;
+    for (Eigen::Index k = 0; k < size(); ++k) u += Lambda_[k] * directions_.col(k);
+    return true;
+  }
+  /// The same for its change by a change d_gamma(k) of the gap velocity of the k-th closing.
   template <typename Gamma, typename Velocities>
-  bool add_jump(const Gamma& gamma, Velocities&& u) {
-    for (Eigen::Index k = 0; k < size(); ++k) gamma_[k] = gamma(k);
-    if (!find_impulses()) return false;
+  bool add_change(const Gamma& d_gamma, Velocities&& u) {
+    for (Eigen::Index k = 0; k < size(); ++k) gamma_[k] = d_gamma(k);
+    if (!find_impulses(true)) return false;
     for (Eigen::Index k = 0; k < size(); ++k) u += Lambda_[k] * directions_.col(k);
     return true;
   }
@@ -72,7 +85,7 @@ class ActiveImpact {
  private:
   Eigen::Index size() const { return static_cast<Eigen::Index>(closings_->size()); }
   const Closing& closing(Eigen::Index k) const { return (*closings_)[static_cast<std::size_t>(k)]; }
-  bool find_impulses();
+  bool find_impulses(bool of_change);
 
   const Dynamics* dynamics_;
   const std::vector<Closing>* closings_ = nullptr;
@@ -80,6 +93,7 @@ class ActiveImpact {
   Eigen::MatrixXd directions_;  // f x m
   ContactMatrix G_;
   ContactVector gamma_, Lambda_;
+  ContactVector compression_;  // -G^-1 gamma- of the mean
 };
 
 }  // namespace sprag

@@ -103,7 +103,10 @@ void Replica::apply_group(std::span<const ContactEvent> events, ReplicaState& st
   const ContactSet before = state.chi;
   ContactSet closing = 0;
   for (std::size_t i = 0; i < epsilon_.size(); ++i) {
-    epsilon_[i] = restitution_of_replica(model.contacts[i]);
+    const Contact& contact = model.contacts[i];
+    const double gamma =
+        contact.curve.is_constant() ? 0.0 : solver_.gap_velocity(static_cast<int>(i), state.motion);
+    epsilon_[i] = restitution_of_replica(contact, gamma);
   }
   for (const ContactEvent& event : events) {
     state.chi = after(state.chi, event);

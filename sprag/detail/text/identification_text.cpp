@@ -116,7 +116,8 @@ void append_model_error(const IdentifyResult& result, std::string& text) {
     text += "No drift from the model is found; it is below " + short_number(error.drift->high, 2) +
             " (95 %).\n";
   }
-  if (!error.trend) return;
+  // Without a deviation the trend is one of the fitted parameters.
+  if (!error.trend || !(error.trend->sigma > 0.0)) return;
   const RestitutionTrend& trend = *error.trend;
   if (!trend.found()) {
     text += "No dependence of the restitution on the impact's speed is found: " +
