@@ -156,6 +156,19 @@ class TroubleTest(FileTest):
         self.check("--skip-lines", preamble, [0.4516, 1.2644], skip_lines=4, **wanted)
         self.check("--skip-lines of all", preamble, Refused("no header"), skip_lines=40)
 
+    def test_an_odd_first_row(self):
+        for cell in ("NaN", "OL", "-", "n/a"):
+            text = f"Impact [ms]\n{cell}\n500.5\n1200.25\n1300.5\n"
+            said = f"2: column Impact [ms]: {cell} is neither"
+            self.check(cell, text, [0.5005, 1.20025, 1.3005], said=said)
+        states = "Time,D0\n0,unavailable\n0.5,on\n0.501,off\n1.2,on\n1.201,off\n"
+        level = {"level": {1: "D0"}, **PULSES}
+        self.check(
+            "word", states, [0.5, 1.2], said="2: column D0: unavailable is no level", **level
+        )
+        number = "Time;D0\n0;0\n0,5;on\n0,501;off\n1,2;on\n1,201;off\n"
+        self.check("number among words", number, [0.5, 1.2], **level)
+
     def test_time_that_goes_back(self):
         self.check(
             "nanoseconds without zeros",
@@ -288,6 +301,10 @@ class LogicAnalyserTest(FileTest):
         ]:  # fmt: skip
             text = edge_rows("{:.9f},{}", "Time [s],state\n", high, low)
             check(f"{high}/{low}", text, TIMES, level={1: "state"}, **PULSES, said="is high")
+        unknown = "Time,D0\n0,off\n0.5,on\n0.501,off\n1.2,maybe\n1.3,on\n1.301,off\n"
+        check("unknown word", unknown, [0.5, 1.3], level={1: "D0"}, **PULSES,
+              said="5: column D0: maybe is no level")  # fmt: skip
+        check("no word", "Time,D0\n0,a\n1,b\n", Refused("'a' is none"), level={1: "D0"})
         check(
             "inverted",
             edge_rows("{:.9f},{}", "Time [s],state\n-1,on\n", "off", "on"),
@@ -416,6 +433,8 @@ class SpreadsheetTest(FileTest):
         check("--month-first", ambiguous, [0.451], offset="2024-05-03 12:34:56", day_first=False)
         check("--day-first", ambiguous, [0.451], offset="2024-03-05 12:34:56", day_first=True)
         check("minutes", "Impact\n34:56.5\n34:57.5\n", [0.5, 1.5], offset="34:56")
+        check("minutes, maybe", "Impact\n12:34\n12:35\n", [754, 755],
+              said="column Impact: 12:34 is read as minutes:seconds")  # fmt: skip
         check("hours", "Impact\n12:34:56\n12:34:57\n", Refused("12:34:00"), offset="12:34")
         check("AM", "Time\n8:30:00 AM\n8:30:01 AM\n", [0, 1], offset="8:30:00")
         check("laps", rows("{},{}", "lap,time\n", range(12), [

@@ -277,11 +277,19 @@ def _level_values(
 ) -> tuple[Floats, float]:
     """Levels, NaN where there is none, and the threshold above which they are high."""
     words = {cell.casefold() for cell in cells if cell}
-    if words and words <= LEVEL_WORDS.keys() and threshold is None:
+    levels = words & LEVEL_WORDS.keys()
+    others = words - levels
+    are_words = levels - {"0", "1"} and np.isnan(numbers(list(others))).all()
+    if threshold is None and (are_words or (levels and not others)):
         if not words <= {"0", "1"}:
-            meanings = [f"{word} is {'high' if LEVEL_WORDS[word] else 'low'}" for word in words]
+            meanings = [f"{word} is {'high' if LEVEL_WORDS[word] else 'low'}" for word in levels]
             table.remarks.append(f"levels of '{name}': {', '.join(sorted(meanings))}")
-        as_words = [LEVEL_WORDS[cell.casefold()] if cell else np.nan for cell in cells]
+        as_words = [LEVEL_WORDS.get(cell.casefold(), np.nan) for cell in cells]
+        table.problems += [
+            Problem(table.lines[i], name, f"{cell} is no level")
+            for i, cell in enumerate(cells)
+            if cell and np.isnan(as_words[i])
+        ]
         return np.array(as_words, float), 0.5
     values = numbers(cells)
     bad = [i for i, cell in enumerate(cells) if cell and np.isnan(values[i])]

@@ -21,6 +21,7 @@ from .moments import LEVEL_WORDS, NUMBER, is_moment, unit_in_name, unit_of_cell
 
 SEPARATORS: dict[str, str | None] = {"semicolon": ";", "tab": "\t", "comma": ",", "blank": None}
 _MOST_JUDGED = 400  # rows at each end that decide what a row looks like
+_NO_VALUE = frozenset("nan n/a na - -- null none ol inf".split())  # in place of a number
 _THOUSANDS = re.compile(r"[-+]?[0-9]{1,3}((,[0-9]{3}){2,}(\.[0-9]*)?|(,[0-9]{3})+\.[0-9]*)")
 _RATE = re.compile(
     r"sample\s*rate\D{0,4}?[:,=\s]\s*([0-9.]+(?:e[+-]?[0-9]+)?)\s*([kMG]?)", re.IGNORECASE
@@ -197,13 +198,24 @@ def _fits(row: list[str], usual: list[str]) -> bool:
     )
 
 
+def _is_odd(row: list[str], usual: list[str]) -> bool:
+    """Whether a row belongs to the data although a cell is bad.
+
+    Its first cell where rows have a number or a time is of that kind, or says that there is none.
+    """
+    first = next((i for i, kind in enumerate(usual) if kind in ("number", "moment")), None)
+    if first is None or len(row) != len(usual):
+        return False
+    return _kind(row[first]) == usual[first] or row[first].casefold() in _NO_VALUE
+
+
 def _begin_of_data(rows: Rows, usual: list[str]) -> int | None:
     """The first row of full width that fits, if most of the next ones do as well."""
     for i, row in enumerate(rows):
         if len(row) == len(usual) and _fits(row, usual):
             following = [_fits(other, usual) for other in rows[i : i + 4]]
             if 2 * sum(following) >= len(following):
-                while i > 0 and _fits(rows[i - 1], usual):
+                while i > 0 and (_fits(rows[i - 1], usual) or _is_odd(rows[i - 1], usual)):
                     i -= 1
                 return i
     return None

@@ -134,6 +134,9 @@ class TimeReader:
         kinds = {of[1] for of in moments if of}
         values = [of[0] if of else None for of in moments]
         start = self._start(name, kinds)
+        if kinds == {"minutes"} and not re.search("[.,]", "".join(cells)):
+            first = next(filter(None, cells))
+            self._table.doubts.append(f"column {name}: {first} is read as minutes:seconds")
         if "clock" in kinds:
             values = _continued(values, _DAY, start if self._clock.origin()[1] == "clock" else None)
         if kinds == {"number"} and (bits := self._clock.counter_bits):
