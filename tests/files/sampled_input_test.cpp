@@ -154,7 +154,8 @@ TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
   // What people's files have, and import_events reads.
   for (const char* other :
        {"t;a\n0,0;1\n0.1;2\n0,2;3\n0,3;4\n", "t;a\n0;1,000.5\n1;1\n2;1\n3;1\n",
-        "A recorder\nt,a\n0,1\n0.1,2\n0.2,3\n0.3,4\n", "t,a\ns,g\n0,1\n0.1,2\n0.2,3\n0.3,4\n"}) {
+        "A recorder\nt,a\n0,1\n0.1,2\n0.2,3\n0.3,4\n", "t,a\ns,g\n0,1\n0.1,2\n0.2,3\n0.3,4\n",
+        "\x93NUMPY\x01", "MATLAB 5.0 MAT-file"}) {
     EXPECT_NE(error_of(other).find("base.csv --record NAME --output RECORD.csv converts"),
               std::string::npos)
         << error_of(other);
@@ -163,6 +164,17 @@ TEST_F(RecordedInput, BadFilesAreRefusedWithPlaceReasonAndRemedy) {
   expect_error(good_record,
                "base.csv:1:1: has no column 'ax' (key of the signal); must be one of 't', 'a'",
                "acceleration = \"ax\"\n");
+  expect_error("\x93NUMPY\x01", "base.csv: is a numpy array; sprag import_events");
+  expect_error("TDSm\x02", "base.csv: is a binary file; must be a text");
+  for (const std::string name : {"Time [ms]", "t (MS)", "t / ms", "t_ms", "t in ms", "ms [ms]"}) {
+    expect_error(name + ",a\n0,0\n1,1\n2,1\n3,0\n",
+                 "base.csv:1:1: the column '" + name + "' has times in " +
+                     (name == "t (MS)" ? "MS" : "ms") + "; must be in s; sprag import_events");
+  }
+  expect_error("microseconds,a\n0,0\n", "base.csv:1:1: the column 'microseconds' has times in");
+  for (const std::string name : {"Time [s]", "t_s", "ms", "h", "time", "in", "t (a"}) {
+    EXPECT_EQ(error_of(name + ",a\n0,0\n1,1\n2,1\n3,0\n"), "no error");
+  }
   std::string gap = "t,a\n";
   for (int k = 0; k < 40; ++k) {
     if (k < 20 || k > 23) gap += std::to_string(k) + "e-2,0\n";

@@ -1,9 +1,11 @@
 #include "sprag/detail/files/record_file.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <string_view>
+#include <utility>
 
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/nearest_word.h"
@@ -18,6 +20,19 @@ constexpr std::size_t fewest_samples = 4;
 constexpr double gap_factor = 1.5;
 constexpr double alike = 0.1;
 constexpr double share_of_alike = 0.9;
+// Units of time other than s, in lower case.
+constexpr std::string_view other_units =
+    " ms msec millisecond milliseconds us usec \u00B5s \u03BCs microsecond microseconds ns nsec "
+    "nanosecond nanoseconds ps fs min minutes h hours d days ticks counts samples cycles frames ";
+// First bytes of files that import_events converts.
+constexpr std::array<std::pair<std::string_view, const char*>, 6> kinds{
+    {{"\x93NUMPY", "a numpy array"},
+     {"MATLAB 5.0", "a MATLAB file"},
+     {"PK\x03\x04", "an Excel file or a zip archive"},
+     {"RIFF", "a sound"},
+     {"\xFF\xFE", "a text in UTF-16"},
+     {"\xFE\xFF", "a text in UTF-16"}}};
+constexpr std::size_t looked_at = 4000;  // bytes
 
 std::string_view without_blanks_or_quotes(std::string_view field) {
   const auto first = field.find_first_not_of(" \t\"'");
@@ -47,10 +62,25 @@ char separator_of(std::string_view line) {
   return is_blank_separated(line) ? ' ' : ',';
 }
 
+// The unit other than s in the name of a column of times: "Time [ms]", "t (us)", "t / ns", "t_ms",
+// "t in ms", "microseconds"; empty: none.
+std::string unit_in(const std::string& name) {
+  std::size_t begin = name.find_last_of("[(/_");
+  if (begin == std::string::npos) begin = name.rfind(" in ");
+  if (begin == std::string::npos && name.size() <= 2) return {};
+  begin = begin == std::string::npos ? 0 : name[begin] == ' ' ? begin + 4 : begin + 1;
+  const std::string_view rest(name.data() + begin, name.size() - begin);
+  const std::string unit(without_blanks_or_quotes(rest.substr(0, rest.find_first_of("])"))));
+  std::string lower = " " + unit + " ";
+  for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  return other_units.find(lower) != std::string_view::npos ? unit : std::string();
+}
+
 class RecordReader {
  public:
   RecordReader(const std::string& file, std::string_view text)
-      : lines_(file, text),
+      : text_(text),
+        lines_(file, text),
         remedy_("; sprag import_events " + file +
                 " --record NAME --output RECORD.csv converts other forms of tables") {}
 
@@ -65,6 +95,9 @@ class RecordReader {
   double number(std::size_t column);
   void check_gaps(const Record& record) const;
 
+  void refuse_binary() const;
+
+  std::string_view text_;
   TextLines lines_;
   std::string remedy_;  ///< for a file that is not in the form of a record
   char separator_ = ',';
@@ -112,6 +145,10 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
   }
   header_ = !parse(fields_.front()).has_value();
   if (!columns.time.empty()) time_ = column_of(columns.time, "time");
+  if (const std::string unit = header_ ? unit_in(names_[time_]) : ""; !unit.empty()) {
+    lines_.fail("the column '" + names_[time_] + "' has times in " + unit + "; must be in s" +
+                remedy_);
+  }
   if (!columns.signal.empty()) {
     signal_ = column_of(columns.signal, "of the signal");
   } else if (count_ == 2) {
@@ -178,7 +215,18 @@ void RecordReader::check_gaps(const Record& record) const {
   }
 }
 
+void RecordReader::refuse_binary() const {
+  for (const auto& [begin, kind] : kinds) {
+    if (text_.starts_with(begin)) lines_.fail_whole(std::string("is ") + kind + remedy_);
+  }
+  const std::string_view head = text_.substr(0, looked_at);
+  if (std::any_of(head.begin(), head.end(), [](char c) { return c >= 0 && c < '\t'; })) {
+    lines_.fail_whole("is a binary file; must be a text. Export CSV");
+  }
+}
+
 Record RecordReader::read(const RecordColumns& columns) {
+  refuse_binary();
   if (!next()) lines_.fail_whole("has no samples");
   separator_ = separator_of(lines_.line());
   split();
