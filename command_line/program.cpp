@@ -220,7 +220,9 @@ Scene load_scene(const std::filesystem::path& file, const CommonOptions& options
 
 CLI::Option* add_flag(CLI::App& app, const std::string& name, bool& value,
                       const std::string& help) {
-  return app.add_flag(name, value, help);
+  if (!name.starts_with('!')) return app.add_flag(name, value, help);
+  return app.add_flag_callback(
+      name.substr(1), [&value] { value = false; }, help);
 }
 
 void needs(CLI::Option* option, CLI::Option* other) { option->needs(other); }

@@ -33,6 +33,7 @@ TEST_F(UsageTest, HelpAndVersionGoToStdout) {
     for (const char* option : {"--help", "--version", "--url", "--report", "SCENE"}) {
       EXPECT_NE(help.out.find(option), std::string::npos) << program << ' ' << option;
     }
+    EXPECT_EQ(help.out.find("{false}"), std::string::npos) << help.out;
     const Ended version = run(program, {"--version"});
     EXPECT_EQ(version.code, 0);
     EXPECT_TRUE(version.out.starts_with(program + " ")) << version.out;

@@ -423,6 +423,9 @@ TEST_F(IdentifyProgramTest, TooFewEventsAndBadUsage) {
   const Ended misspelled = identify({events, beam, "--free", "beam.dampin"});
   EXPECT_EQ(misspelled.code, 2);
   EXPECT_NE(misspelled.err.find("did you mean beam.damping?"), std::string::npos) << misspelled.err;
+  const Ended swapped = identify({beam, events});
+  EXPECT_EQ(swapped.code, 2);
+  EXPECT_NE(swapped.err.find("the order is LOG SCENE"), std::string::npos) << swapped.err;
   for (const Arguments& arguments :
        {Arguments{}, Arguments{events}, Arguments{path("absent.csv"), beam},
         Arguments{events, path("absent.toml")}, Arguments{events, beam, "--within", "-1"},

@@ -47,6 +47,10 @@ void note_unwritten(const std::filesystem::path& file, const std::string& why) {
 
 int run_identify(const IdentifyRun& run, const CommonOptions& common,
                  nlohmann::ordered_json& report) {
+  if (run.log.extension() == ".toml" || run.scene.extension() == ".csv") {
+    throw UsageError("the order is LOG SCENE, the events before the scene; LOG is " +
+                     run.log.string() + " and SCENE is " + run.scene.string());
+  }
   const Scene scene = load_scene(run.scene, common);
   const std::string text = run.output.empty() ? std::string() : text_of(run.scene);
   if (!run.output.empty() && text.empty()) {
