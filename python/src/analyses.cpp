@@ -527,7 +527,7 @@ struct PredictionRow {
   double t;
   std::int32_t contact;
   std::int8_t kind;
-  double sigma;
+  double sigma_t;
 };
 
 ImpactRow row_of(const ImpactRecord& of) {
@@ -565,7 +565,7 @@ void bind_impacts(py::module_& module) {
                        sigma_impulse, sustained, force_begin, sigma_force_begin, force_end,
                        sigma_force_end, force_largest, sigma_force_largest, force_impulse,
                        sigma_force_impulse);
-  PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma);
+  PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma_t);
   module.def(
       "impacts",
       [](const Scene& scene, const py::object& events, double duration, double tick,
@@ -590,17 +590,16 @@ void bind_impacts(py::module_& module) {
       .get("made_at", "Time of the prediction [s].", &Prediction::made_at)
       .get("certain_until", "No other event is expected up to here [s].",
            &Prediction::certain_until)
-      .get(
-          "events",
-          "In order of time: an array with the fields t [s], contact (from 1), kind and sigma [s].",
-          [](const Prediction& of) {
-            std::vector<PredictionRow> rows;
-            for (const PredictedEvent& event : of.events) {
-              rows.push_back(
-                  {event.t, event.contact + 1, static_cast<std::int8_t>(event.kind), event.sigma});
-            }
-            return structured(rows);
-          });
+      .get("events",
+           "In order of time, an array with the fields t [s], contact (from 1), kind, sigma_t [s].",
+           [](const Prediction& of) {
+             std::vector<PredictionRow> rows;
+             for (const PredictedEvent& event : of.events) {
+               rows.push_back(
+                   {event.t, event.contact + 1, static_cast<std::int8_t>(event.kind), event.sigma});
+             }
+             return structured(rows);
+           });
   module.def(
       "predict",
       [](const Scene& scene, const py::object& events, double t, double ahead, double tick,

@@ -790,8 +790,10 @@ void bind_scene_files(py::module_& module) {
       [](const Scene& scene, const std::string& comment) { return to_toml(scene, comment); },
       "scene"_a, py::kw_only(), "comment"_a = "",
       "The text of a scene file of the same machine, starts and uncertainties, with all digits. "
-      "Every machine is written as a [system], with the coordinates that it has here. Raises "
-      "SceneError for recorded inputs.");
+      "parse_scene() reads it as an equal scene, but for two: a beam that its keys do not describe "
+      "becomes a [system], and a [system] with the key `modes` one of the kept coordinates. "
+      "Recorded inputs are written with their samples. Raises SceneError for streamed inputs, and "
+      "in kept modes for supports that move with a record.");
   module.def(
       "write_scene",
       [](const std::filesystem::path& file, const Scene& scene, const std::string& comment) {

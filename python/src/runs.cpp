@@ -174,7 +174,8 @@ void bind_estimates(py::module_& module) {
       .get("sigma_outputs", "Their standard deviations; inf where unknown.",
            &Estimates::sigma_outputs)
       .get("bound",
-           "The replica's V is at most this, n entries [energy]; inf where nothing guarantees it.",
+           "B of a states CSV: the replica's V is at most this, n entries [energy]; inf where "
+           "nothing guarantees it.",
            &Estimates::bound)
       .get("bound_q",
            "Guaranteed half-widths about q, n x f; no columns where the scene has no tolerances.",
@@ -238,7 +239,7 @@ void bind_estimate(py::module_& module) {
       .get("sigma_gap", "Standard deviations of the gaps [m], m entries.", &Estimate::sigma_gap)
       .get("outputs", "The scene's outputs, one entry each.", &Estimate::outputs)
       .get("sigma_outputs", "Their standard deviations.", &Estimate::sigma_outputs)
-      .get("bound", "The replica's V is at most this; inf where nothing guarantees it.",
+      .get("bound", "B of a states CSV: the replica's V is at most this; inf where unproven.",
            &Estimate::bound)
       .get("bound_q",
            "Guaranteed half-widths about q, f entries; none where the scene has no tolerances.",

@@ -247,6 +247,7 @@ class ImpactsTest(unittest.TestCase):
         prediction = sprag.predict(truth, machine.events, 20.0, 2.0)
         later = machine.events[machine.events["t"] > 20.0]
         n = len(prediction.events)
+        self.assertEqual(prediction.events.dtype.names, ("t", "contact", "kind", "sigma_t"))
         self.assertGreaterEqual(n, 2)
         self.assertEqual(prediction.made_at, 20.0)
         np.testing.assert_allclose(prediction.events["t"], later["t"][:n], atol=1e-6)
