@@ -14,10 +14,11 @@ import numpy.typing as npt
 
 from ._command import require
 from ._errors import InputError
+from ._values import Value
 from .tables import read_manifest
 
 
-class Study:
+class Study(Value):
     """Rows of a study by column: study["both.V_floor"] is an array with one entry per row.
 
     index, point, run and n are integers, failure is text, all others are floats, nan where a run
@@ -41,7 +42,7 @@ class Study:
         return list(self._columns)
 
     def __repr__(self) -> str:
-        return f"<Study: {self.rows} rows of {', '.join(self.names)}>"
+        return f"<sprag.Study {self.rows} rows, {len(self.names)} columns>"
 
     @property
     def rows(self) -> int:

@@ -22,6 +22,7 @@ from . import _command
 from ._command import EXIT_DONE, Parser, SceneFile, UsageError, Written, choose, printable
 from ._errors import Error, ModelError
 from ._machine import rates_of_excitation
+from ._values import Value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,7 +57,7 @@ Array = npt.NDArray[np.void]
 
 
 @dataclass(frozen=True, eq=False)
-class Tolerances:
+class Tolerances(Value):
     """Largest deviations for which V, the energy of the error, stays below a target.
 
     target, motion_energy: energies; duration [s] and number of runs; closings_per_time [1/s];
@@ -95,7 +96,7 @@ class Tolerances:
         return math.sqrt(self.target / self.motion_energy)
 
     def __repr__(self) -> str:
-        return f"<Tolerances: {len(self.limits)} limits for V below {self.target:g}>"
+        return f"<sprag.Tolerances {len(self.limits)} limits for V below {self.target:g}>"
 
     def __str__(self) -> str:
         """The table that the program prints."""

@@ -10,6 +10,7 @@ import numpy as np
 
 import sprag
 from sprag import _core
+from sprag._studies import study_from_rows
 
 from support import SOURCE, scene
 
@@ -68,6 +69,8 @@ def examples() -> list[object]:
         sprag.identify(rig, events, free=["impact.restitution"]),
         two_modes,
         two_modes[0],
+        sprag.tolerance(rig, runs=1, duration=2.0, estimators=["replica"]),
+        study_from_rows(["index,point,run,x,failure", "0,0,0,nan,late", "1,1,0,2,"], {"name": "x"}),
     ]
 
 
@@ -188,6 +191,12 @@ class ValuesTest(unittest.TestCase):
         for of in [*shipped(), *made_here()]:
             with self.subTest(of.name):
                 self.assertEqual(sprag.parse_scene(sprag.to_toml(of)), of)
+
+    def test_kept_modes_are_written_as_a_system(self):
+        of = in_modes()
+        again = sprag.parse_scene(sprag.to_toml(of))
+        self.assertIsNone(again.kept)
+        self.assertEqual(sprag.simulate(again, 5.0), sprag.simulate(of, 5.0))
 
     def test_a_recorded_input_is_written_with_its_samples(self):
         recorded = scene("swept_beam")
