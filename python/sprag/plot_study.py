@@ -36,7 +36,11 @@ ESTIMATORS = {  # prefixes of columns, and their colours
     "both": "#0072b2",
     "adaptive": "#009e73",
 }
-UNITS = {"V_floor": "J", "rate": "1/s", "time_below": "s", "lyapunov": "1/s"}
+UNITS = {"V_floor": "J", "rate": "1/s", "time_below": "s", "lyapunov": "1/s"} | dict.fromkeys(
+    "duration tick clock.offset events.jitter observer.events.jitter disturbance.jitter "
+    "disturbance.offset".split(),
+    "s",
+)
 NO_QUANTITIES = ("index", "point", "run", "n", "failure")
 ATTRACTOR_COLOURS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#000000"]
 NONE_FOUND = "#e8e8e8"
@@ -199,7 +203,7 @@ class _Picture:
             else:
                 self._median_and_band(axes, name)
         _set_scale(panels[-1].xaxis, self._values(self.keys[0]))
-        panels[-1].set_xlabel(legible(self.keys[0]))
+        panels[-1].set_xlabel(_title(self.keys[0]))
         figure.canvas.draw()
         for axes in panels:
             name_lines(axes)
@@ -261,9 +265,9 @@ class _Picture:
             else:
                 self._map(axes, column, [c for q, c in columns if q == quantity])
         for axes in panels[-1]:
-            axes.set_xlabel(legible(self.keys[0]))
+            axes.set_xlabel(_title(self.keys[0]))
         for axes in panels[:, 0]:
-            axes.set_ylabel(legible(self.keys[1]))
+            axes.set_ylabel(_title(self.keys[1]))
         _set_scale(panels[0, 0].xaxis, self._values(self.keys[0]))
         _set_scale(panels[0, 0].yaxis, self._values(self.keys[1]))
         figure.canvas.draw()

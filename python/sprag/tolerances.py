@@ -601,7 +601,7 @@ def draw(found: Tolerances) -> Figure:
             panels.append(figure.add_subplot(place, sharey=panels[0] if panels else None))
             _draw_panel(panels[-1], found, what, (low, high))
             panels[-1].tick_params(labelleft=i % ACROSS == 0)
-            panels[-1].set_ylabel("" if i % ACROSS else "V")
+            panels[-1].set_ylabel("" if i % ACROSS else "V [J]")
         panels[0].set_ylim(low, high)
         logarithmic_ticks(panels[0].yaxis, low, high)
         top = figure.add_subplot(grid[0, :])

@@ -468,6 +468,7 @@ class StudyTest(Files):
         figure = self.draw(self.study(["events.jitter"], columns, rows))
         self.assertEqual(titles(figure), ["V_floor [J]"], "rate is nowhere known")
         axes = figure.axes[0]
+        self.assertEqual(axes.get_xlabel(), "events.jitter [s]")
         self.assertEqual((axes.get_xscale(), axes.get_yscale()), ("log", "log"))
         drawn = lines(axes)
         np.testing.assert_allclose(drawn["replica"].get_ydata(), 11 * np.array(jitters))

@@ -189,7 +189,12 @@ class AnalysisTest(FolderCase):
         for t, (contact, kind, v) in enumerate(rows):
             text += f"{t},{contact},{kind},{v},0.01,{-0.5 * v},0.01,{-v}\n"
         inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
-        grid = impacts_section(inputs, (-np.inf, np.inf)).blocks[-1]
+        picture, grid = impacts_section(inputs, (-np.inf, np.inf)).blocks
+        self.assertNotIn("infinite", picture.caption)
+        text += "9,2,impact,-1,inf,0,inf,0\n"
+        inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
+        picture = impacts_section(inputs, (-np.inf, np.inf)).blocks[0]
+        self.assertIn("An infinite sigma has no bar.", picture.caption)
         self.assertEqual(grid.head[3:5], ["median speed", "largest speed"])
         shown = [row[:6] for row in grid.rows]
         self.assertEqual(shown[0], ["1", "closes", "1", "10 mm/s", "10 mm/s", "4"])

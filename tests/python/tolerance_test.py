@@ -205,6 +205,7 @@ except KeyboardInterrupt:
         panels = [axes for axes in draw(found).axes if axes.lines]
         whats = list(dict.fromkeys(found.limits["what"]))
         self.assertEqual(len(panels), len(whats))
+        self.assertEqual(panels[0].get_ylabel(), "V [J]")
         self.assertEqual(
             [line.get_label() for line in panels[0].lines], ["replica", "both", "target"]
         )

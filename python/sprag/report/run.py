@@ -246,9 +246,11 @@ def impacts_section(inputs: Inputs, span: Span) -> Section | None:
     columns = ["velocity_before", "velocity_after"]
     with_velocity = [table for table in tables if columns[0] in table.data]
     if any(np.isfinite(table.column(columns[0])).any() for table in with_velocity):
-        caption = "Gap velocity before and after each event, with bars of ± 2 sigma. An infinite "
-        pictures = MotionPictures(inputs, span)
-        section.blocks.append(pictures.of_panels(columns, f"{caption}sigma has no bar."))
+        caption = "Gap velocity before and after each event, with bars of ± 2 sigma."
+        sigmas = [table.data.get(f"sigma_{name}", 0.0) for table in tables for name in columns]
+        if any(np.isinf(sigma).any() for sigma in sigmas):
+            caption += " An infinite sigma has no bar."
+        section.blocks.append(MotionPictures(inputs, span).of_panels(columns, caption))
     else:
         section.blocks.append("The impacts files have no event with a velocity.")
     section.blocks += [grid for table in tables if (grid := _speeds(table)).rows]
