@@ -4,8 +4,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <stdexcept>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {
@@ -145,6 +147,50 @@ VectorXd joined(const VectorXd& first, const VectorXd& second) {
   return both;
 }
 
+// Standard deviations of T x, where the entries of x are independent.
+VectorXd deviations(const MatrixXd& T, const VectorXd& sigma) {
+  return (T.cwiseAbs2() * sigma.cwiseAbs2()).cwiseSqrt();
+}
+
+// Whether a key is of the same parameter in both scenes. Entries of C and K are of coordinates.
+bool is_same(const Scene& scene, const Scene& part, const std::string& key) {
+  try {
+    const Unknown a = unknown_of(scene, key);
+    const Unknown b = unknown_of(part, key);
+    return a.kind == b.kind && a.unit == b.unit && a.nominal == b.nominal &&
+           a.kind != Unknown::Kind::damping_entry && a.kind != Unknown::Kind::stiffness_entry;
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+}
+
+// Removes the keys of other parameters from the prior, and names them.
+void keep_parameters(const Scene& scene, Scene& part) {
+  const ParameterUncertainty& all = scene.prior.parameters;
+  ParameterUncertainty& kept = part.prior.parameters = {};
+  std::vector<Index> at;
+  const auto leave_out = [&](const std::string& what) {
+    part.remarks.push_back(what + " is left out: the reduced scene has no such parameter");
+  };
+  for (std::size_t i = 0; i < all.keys.size(); ++i) {
+    if (!is_same(scene, part, all.keys[i])) {
+      leave_out(all.keys[i] + " of [parameters]");
+      continue;
+    }
+    at.push_back(static_cast<Index>(i));
+    kept.keys.push_back(all.keys[i]);
+    kept.consider.push_back(all.consider[i]);
+  }
+  kept.sigma = all.sigma(at);
+  kept.correlation = all.correlation(at, at);
+  for (const std::string& key : scene.prior.adaptation.free) {
+    if (is_same(scene, part, key)) continue;
+    leave_out("[adapt] with " + key);
+    part.prior.adaptation = {};
+    break;
+  }
+}
+
 bool starts_inside(const Model& model, const State& start) {
   return std::any_of(model.contacts.begin(), model.contacts.end(),
                      [&](const Contact& contact) { return gap(contact, start.q, 0.0) < 0.0; });
@@ -154,8 +200,9 @@ bool starts_inside(const Model& model, const State& start) {
 
 ModalMachine modal_machine(const Scene& scene) {
   const Model& model = scene.model;
-  ModalMachine machine{model, scene.truth.start, scene.prior.start, observed(scene),
-                       scene.prior.uncertainty};
+  ModalMachine machine{
+      model,           scene.truth.start,       scene.prior.start,
+      observed(scene), scene.prior.uncertainty, scene.prior.sigma.value_or(State{})};
   if (model.M.isDiagonal(0.0) && model.C.isDiagonal(0.0) && model.K.isDiagonal(0.0)) {
     return machine;
   }
@@ -177,6 +224,10 @@ ModalMachine modal_machine(const Scene& scene) {
     state->q = Phi.transpose() * model.M * state->q;
     state->u = Phi.transpose() * model.M * state->u;
   }
+  if (State& sigma = machine.sigma; sigma.q.size() > 0) {
+    const MatrixXd to_modes = Phi.transpose() * model.M;
+    sigma = {deviations(to_modes, sigma.q), deviations(to_modes, sigma.u)};
+  }
   machine.observed *= Phi;
   return machine;
 }
@@ -195,6 +246,7 @@ ModalMachine reduced(const ModalMachine& machine, const std::vector<Index>& kept
     state->u = of(state->u);
   }
   if (part.uncertainty.size() > 0) part.uncertainty = of(part.uncertainty);
+  if (part.sigma.q.size() > 0) part.sigma = {of(part.sigma.q), of(part.sigma.u)};
   part.observed = machine.observed(Eigen::all, kept);
   return part;
 }
@@ -245,6 +297,10 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
     part.uncertainty =
         joined(part.uncertainty, VectorXd::Constant(r, left_out.sum() / static_cast<double>(r)));
   }
+  if (State& sigma = part.sigma; sigma.q.size() > 0) {
+    sigma = {joined(sigma.q, deviations(to_static, machine.sigma.q)),
+             joined(sigma.u, deviations(to_static, machine.sigma.u))};
+  }
   const MatrixXd kept_rows = part.observed;
   part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);
   part.observed << kept_rows, machine.observed * Bd;
@@ -266,14 +322,15 @@ Scene reduced_scene(const Scene& scene, const ModalMachine& machine) {
   part.name = scene.name + "_reduced";
   part.model = machine.model;
   part.truth.start = machine.master;
+  part.prior = scene.prior;
   part.prior.start = machine.replica;
   part.prior.uncertainty = machine.uncertainty;
-  part.prior.drift = scene.prior.drift;
-  part.prior.jitter = scene.prior.jitter;
+  if (machine.sigma.q.size() > 0) part.prior.sigma = machine.sigma;
   part.clock = scene.clock;
   part.truth.given = scene.truth.given;
   part.truth.release_penetration =
       scene.truth.release_penetration || starts_inside(part.model, part.truth.start);
+  keep_parameters(scene, part);
   return part;
 }
 

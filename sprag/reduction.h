@@ -35,6 +35,7 @@ struct ModalMachine {
   State master, replica;        ///< starts, f entries each
   Eigen::MatrixXd observed;     ///< rows x f: the tip of a beam, else the gap at each contact
   Eigen::VectorXd uncertainty;  ///< Prior::uncertainty by coordinate; empty: not given
+  State sigma = {};             ///< Prior::sigma by coordinate, uncorrelated; empty: not given
 };
 
 /// \brief Transforms a scene to its modes. A scene that is diagonal already keeps its coordinates.
@@ -71,7 +72,9 @@ void set_impulse_share(double x, Model& model);
 /// \brief Scene of a reduced machine, as a [system].
 ///
 /// A master that starts inside a support because modes are missing gets penetration = "release".
-/// \param scene original scene; gives the name, drift, jitter and the flags of the master.
+/// Keys of [parameters] and [adapt] that the scene no longer has, such as those of a beam and of
+/// single entries of K, are left out; Scene::remarks names them.
+/// \param scene original scene; gives the name, the prior and the flags of the master.
 /// \param machine reduced machine.
 /// \return the scene.
 /// \throws ModelError if the direction of a contact is zero in the kept coordinates.

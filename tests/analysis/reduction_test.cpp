@@ -293,6 +293,29 @@ TEST(ReducedSystem, IsAtLeastAsAccurateAsModesAlone) {
   EXPECT_GT(std::exp(better / machines), 3.0);
 }
 
+// Deviations of the start are those of Phi^T M q; entries of K have another meaning.
+TEST(ReducedSystem, KeepsDeviationsAndParametersWithTheSameMeaning) {
+  Random random(37);
+  Scene scene = two_contacts(random);
+  const Eigen::Index f = scene.model.coordinates();
+  scene.prior.sigma = State{Eigen::VectorXd::LinSpaced(f, 0.1, 0.2), Eigen::VectorXd::Ones(f)};
+  scene.prior.parameters = {.keys = {"system.K.1.1", "system.K"},
+                            .sigma = Eigen::Vector2d(0.1, 0.2),
+                            .correlation = Eigen::Matrix2d::Identity(),
+                            .consider = {false, false}};
+  scene.prior.adaptation.free = {"system.K.1.1"};
+  const Scene part = in_modes(scene, 2);
+  const Eigen::MatrixXd to_modes = kept_modes(scene.model, 2).to_kept;
+  const Eigen::MatrixXd S = scene.prior.sigma->q.cwiseAbs2().asDiagonal();
+  const Eigen::VectorXd variances = (to_modes * S * to_modes.transpose()).diagonal();
+  ASSERT_TRUE(part.prior.sigma);
+  EXPECT_LT((part.prior.sigma->q.cwiseAbs2() - variances).norm(), 1e-12 * variances.norm());
+  EXPECT_EQ(part.prior.parameters.keys, std::vector<std::string>{"system.K"});
+  EXPECT_EQ(part.prior.parameters.sigma[0], 0.2);
+  EXPECT_TRUE(part.prior.adaptation.free.empty());
+  EXPECT_EQ(part.remarks.size(), 2U);
+}
+
 TEST(ReductionChoice, TooManyCoordinatesAreRefused) {
   const Scene scene = shipped_scene("paper_beam");
   const std::vector<ContactEvent> events = events_of(scene, 8.0);

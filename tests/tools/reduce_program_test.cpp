@@ -2,6 +2,7 @@
 // result.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -141,6 +142,45 @@ TEST_F(ReduceProgramTest, WritesTheFewestCoordinatesWithoutEvents) {
   EXPECT_NE(text.out.find("(b_0, b_1) are enough as well"), std::string::npos) << text.out;
   simulate(beam, "80");
   EXPECT_LT(tip_error(path("reduced.toml")), 1e-4);
+}
+
+TEST_F(ReduceProgramTest, KeepsThePriorAndNamesWhatIsLeftOut) {
+  std::string text = read_text(scene());
+  const std::string line = "uncertainty = 2.7";
+  text.replace(text.find(line), line.size(),
+               "sigma_q = 0.01\nsigma_u = 0.02\nconfidence = \"low\"\n");
+  const std::string beam = write_text(path("prior.toml"), text + R"(
+[parameters]
+impact.restitution = { sigma = 0.01, consider = true }
+beam.bending_stiffness = { sigma = 0.02 }
+contact.1.clearance = { sigma = 0.001 }
+correlation = [["impact.restitution", "contact.1.clearance", 0.5]]
+[tolerance]
+time = 1e-4
+)");
+  simulate(beam, "20");
+  const std::string out = path("reduced.toml");
+  const Ended ended = reduce({path("events.csv"), beam, "--modes", "3", "--output", out});
+  ASSERT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.err.find("beam.bending_stiffness of [parameters] is left out"),
+            std::string::npos);
+  EXPECT_NE(ended.err.find("[tolerance] is copied"), std::string::npos) << ended.err;
+  EXPECT_EQ(std::ranges::count(ended.err, '\n'), 2) << ended.err;
+  const Prior prior = read_scene(out).prior;
+  ASSERT_TRUE(prior.sigma);
+  EXPECT_EQ(prior.sigma->q.head(3), Eigen::Vector3d::Constant(0.01));
+  EXPECT_EQ(prior.sigma->u.head(3), Eigen::Vector3d::Constant(0.02));
+  // A static vector is a unit vector of modes with mass 1.
+  for (Eigen::Index i = 3; i < prior.sigma->q.size(); ++i) {
+    EXPECT_NEAR(prior.sigma->q[i], 0.01, 1e-12);
+  }
+  EXPECT_EQ(prior.confidence, ConfidenceLevel::low);
+  EXPECT_EQ(prior.tolerance.time, 1e-4);
+  EXPECT_EQ(prior.parameters.keys,
+            (std::vector<std::string>{"impact.restitution", "contact.1.clearance"}));
+  EXPECT_EQ(prior.parameters.sigma, Eigen::Vector2d(0.01, 0.001));
+  EXPECT_EQ(prior.parameters.correlation(0, 1), 0.5);
+  EXPECT_EQ(prior.parameters.consider, (std::vector<bool>{true, false}));
 }
 
 TEST_F(ReduceProgramTest, BadUsageAndInputExitWithTwoAndWriteNothing) {

@@ -1,6 +1,7 @@
 #include "tools/reduce/run.h"
 
 #include <chrono>
+#include <iostream>
 #include <nlohmann/json.hpp>
 
 #include "command_line/program.h"
@@ -29,6 +30,16 @@ void check_usage(const ReduceRun& run) {
   if (run.events.empty()) throw UsageError("EVENTS is required with --modes");
 }
 
+void write_reduced(const ReduceRun& run, const Scene& scene, const Reduction& reduction) {
+  const Scene part = reduced_scene(scene, reduction.machine);
+  write_scene(run.output, part, description(scene, reduction));
+  const std::string file = run.output.string() + ": ";
+  for (const std::string& remark : part.remarks) std::cerr << file << remark << '\n';
+  if (part.prior.tolerance.any()) {
+    std::cerr << file << "[tolerance] is copied: B does not cover the modes that are left out\n";
+  }
+}
+
 int reduce_by_accuracy(const ReduceRun& run, const Scene& scene, nlohmann::ordered_json& report) {
   TrialLimits limits;
   limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
@@ -44,10 +55,7 @@ int reduce_by_accuracy(const ReduceRun& run, const Scene& scene, nlohmann::order
   std::string text;
   append_wrapped(text, printable(scene.name) + ": " + what);
   print_result(object, text, run.json, report);
-  if (!run.output.empty()) {
-    const Reduction& fewest = assessment.accuracy->fewest;
-    write_scene(run.output, reduced_scene(scene, fewest.machine), description(scene, fewest));
-  }
+  if (!run.output.empty()) write_reduced(run, scene, assessment.accuracy->fewest);
   return exit_done;
 }
 
@@ -82,10 +90,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   nlohmann::ordered_json object;
   write_json(table, object);
   print_result(object, to_text(table), run.json, report);
-  if (!run.output.empty()) {
-    const Reduction& best = table.reductions.front();
-    write_scene(run.output, reduced_scene(scene, best.machine), description(scene, best));
-  }
+  if (!run.output.empty()) write_reduced(run, scene, table.reductions.front());
   return recorded.whole ? exit_done : exit_failed;
 }
 
