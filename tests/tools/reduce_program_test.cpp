@@ -144,6 +144,23 @@ TEST_F(ReduceProgramTest, WritesTheFewestCoordinatesWithoutEvents) {
   EXPECT_LT(tip_error(path("reduced.toml")), 1e-4);
 }
 
+TEST_F(ReduceProgramTest, AnAccuracyChoosesTheModesAndEventsTheCorrection) {
+  const std::string beam = scene(), events = path("events.csv");
+  simulate(beam, "40");
+  const Ended both = reduce({events, beam, "--accuracy", "1e-3", "--json"});
+  ASSERT_EQ(both.code, 0) << both.err;
+  auto of_both = nlohmann::json::parse(both.out);
+  const auto by_accuracy =
+      nlohmann::json::parse(reduce({beam, "--accuracy", "1e-3", "--json"}).out);
+  const int modes = by_accuracy["corrected"]["modes"];
+  EXPECT_EQ(of_both["by_accuracy"]["corrected"], by_accuracy["corrected"]);
+  of_both.erase("by_accuracy");
+  const Ended of_events = reduce({events, beam, "--modes", std::to_string(modes), "--json"});
+  EXPECT_EQ(of_both, nlohmann::json::parse(of_events.out));
+  const Ended text = reduce({events, beam, "--accuracy", "1e-3"});
+  EXPECT_NE(text.out.find("Of these modes with the recorded events:"), std::string::npos);
+}
+
 TEST_F(ReduceProgramTest, KeepsThePriorAndNamesWhatIsLeftOut) {
   std::string text = read_text(scene());
   const std::string line = "uncertainty = 2.7";
@@ -194,7 +211,6 @@ TEST_F(ReduceProgramTest, BadUsageAndInputExitWithTwoAndWriteNothing) {
            {{beam}, "--modes is required, or --accuracy"},
            {{events, beam}, "--modes is required"},
            {{beam, "--modes", "2"}, "EVENTS is required with --modes"},
-           {{events, beam, "--accuracy", "1e-3"}, "--accuracy is without EVENTS"},
            {{beam, "--accuracy", "1e-3", "--modes", "2"}, "--modes excludes --accuracy"},
            {{beam, "--accuracy", "0"}, "--accuracy"},
            {{coupled, "--accuracy", "1e-3"}, "damping couples the modes"},

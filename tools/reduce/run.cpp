@@ -21,12 +21,8 @@ namespace {
 constexpr auto longest_trial = std::chrono::seconds(5);
 
 void check_usage(const ReduceRun& run) {
-  if (run.accuracy > 0.0) {
-    if (!run.events.empty())
-      throw UsageError("--accuracy is without EVENTS; with them use --modes");
-    return;
-  }
-  if (run.modes == 0) throw UsageError("--modes is required, or --accuracy without EVENTS");
+  if (run.accuracy > 0.0) return;
+  if (run.modes == 0) throw UsageError("--modes is required, or --accuracy");
   if (run.events.empty()) throw UsageError("EVENTS is required with --modes");
 }
 
@@ -40,7 +36,9 @@ void write_reduced(const ReduceRun& run, const Scene& scene, const Reduction& re
   }
 }
 
-int reduce_by_accuracy(const ReduceRun& run, const Scene& scene, nlohmann::ordered_json& report) {
+// What the accuracy needs; as text and in `object`.
+Accuracy needed(const ReduceRun& run, const Scene& scene, std::string& text,
+                nlohmann::ordered_json& object) {
   TrialLimits limits;
   limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
     return std::chrono::steady_clock::now() - begin > longest_trial;
@@ -49,14 +47,10 @@ int reduce_by_accuracy(const ReduceRun& run, const Scene& scene, nlohmann::order
   assess_accuracy(scene, run.accuracy, limits, assessment);
   const std::string& what = assessment.findings.back().what;
   if (!assessment.accuracy) throw ModelError(what);
-  nlohmann::ordered_json object{{"scene", scene.name}};
   write_json(*assessment.accuracy, object);
   object["what"] = what;
-  std::string text;
   append_wrapped(text, printable(scene.name) + ": " + what);
-  print_result(object, text, run.json, report);
-  if (!run.output.empty()) write_reduced(run, scene, assessment.accuracy->fewest);
-  return exit_done;
+  return std::move(*assessment.accuracy);
 }
 
 std::vector<Eigen::Index> first_modes(const ModalMachine& machine, int n) {
@@ -75,9 +69,22 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   check_usage(run);
   const Scene scene = load_scene(run.scene, common);
   if (!run.output.empty()) refuse_recorded_inputs(scene, "--output");
-  if (run.accuracy > 0.0) return reduce_by_accuracy(run, scene, report);
+  std::string text;
+  nlohmann::ordered_json object{{"scene", scene.name}}, of_accuracy;
+  int modes = run.modes;
+  if (run.accuracy > 0.0) {
+    const bool alone = run.events.empty();
+    const Accuracy accuracy = needed(run, scene, text, alone ? object : of_accuracy);
+    modes = accuracy.fewest.modes;
+    if (alone) {
+      print_result(object, text, run.json, report);
+      if (!run.output.empty()) write_reduced(run, scene, accuracy.fewest);
+      return exit_done;
+    }
+    text += "\nOf these modes with the recorded events:\n";
+  }
   const ModalMachine machine = modal_machine(scene);
-  const std::vector<Eigen::Index> kept = first_modes(machine, run.modes);
+  const std::vector<Eigen::Index> kept = first_modes(machine, modes);
   const RecordedEvents recorded =
       read_recorded_events(run.events, scene, run.duration, AfterLoss::dropped, common, report);
 
@@ -85,11 +92,11 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   const ReductionTable table{scene.name, closings(followed), followed.counts,
                              followed.events.back().t, reductions(machine, kept, followed)};
   if (table.reductions.empty()) {
-    throw ModelError("the first " + std::to_string(run.modes) + " modes do not see every contact");
+    throw ModelError("the first " + std::to_string(modes) + " modes do not see every contact");
   }
-  nlohmann::ordered_json object;
   write_json(table, object);
-  print_result(object, to_text(table), run.json, report);
+  if (!of_accuracy.is_null()) object["by_accuracy"] = of_accuracy;
+  print_result(object, text + to_text(table), run.json, report);
   if (!run.output.empty()) write_reduced(run, scene, table.reductions.front());
   return recorded.whole ? exit_done : exit_failed;
 }
