@@ -163,14 +163,13 @@ Finding contacts_open_again(const Trial& trial) {
     return {"A1", true, false,
             "contact" + std::string(one ? " " : "s ") + list(permanent) + (one ? " is" : " are") +
                 " closed throughout the last quarter of the trial (" + readable(trial.duration) +
-                " units of time). The theorem needs contacts that open again and again (chi of "
-                "class K^n)",
+                " units of time). The theorem needs contacts that open again and again",
             "excite the machine, so that the contact opens again and again; V stalls where it "
             "stays closed"};
   }
   return {"A1", true, true,
           "no contact stays closed " + seen + " (sustained contact: " + shares +
-              " of the time): each opens again (chi of class K^n), as far as a trial can show",
+              " of the time): each opens again, as far as a trial can show",
           ""};
 }
 
@@ -223,8 +222,8 @@ Finding monotone_law(const Assessment& a, int contacts) {
     return {"A3", true, true,
             name +
                 " law with one restitution for all contacts is maximal monotone (but a contact "
-                "that closes to stay takes 0: at the very instant at which another bounces, "
-                "that is unlike)",
+                "that closes to stay has restitution 0, which differs if another one bounces at "
+                "the same instant)",
             ""};
   }
   const std::string criterion =
