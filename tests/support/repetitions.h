@@ -22,6 +22,9 @@ inline constexpr bool sanitized = false;
 
 constexpr int repetitions(int count) { return sanitized ? (count + 19) / 20 : count; }
 
+/// Whether all repetitions run: with `scripts/test --thorough`, not in a sanitized build.
+inline bool thorough() { return !sanitized && std::getenv("SPRAG_THOROUGH") != nullptr; }
+
 /// For the longest tests: a quarter of `count`, or all of it if the environment variable
 /// SPRAG_THOROUGH is set, as `scripts/test --thorough` does.
 inline int long_repetitions(int count) {
