@@ -528,7 +528,7 @@ void bind_model(py::module_& module) {
                        "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
                        "restitution in [0, 1]; w has f entries. restitution: a number, or a dict "
                        "as that of restitution_by_speed. Raises ValueError if an impact could "
-                       "bring two motions apart: |d(restitution * speed)/d(speed)| > 1.")
+                       "bring two motions apart: d(restitution * speed)/d(speed) must be in [-1, 1].")
       .def(py::init(&make_contact), "w"_a, "restitution"_a, "clearance"_a = 0.0,
            "motion"_a = Harmonic{})
       .get("w", "Direction, f entries.", &Contact::w)
