@@ -64,6 +64,7 @@ TEST(FamilyFlight, DoesNotAllocate) {
         scene.beam = {};
         scene.positions = {};
         scene.model.C(0, 1) = scene.model.C(1, 0) = 0.3 * scene.model.C(0, 0);
+        for (Contact& contact : scene.model.contacts) contact.curve.slope = -0.05;
       }
       const std::vector<Unknown> unknowns = unknowns_of(scene);
       FamilyFlight flight(scene, unknowns);

@@ -118,7 +118,10 @@ TEST(TrackingEstimatorTick, NeverAllocatesIncludingConfidence) {
     SCOPED_TRACE(name);
     const Drive drive = shipped(name);
     Scene wrong = uncertain(name);
-    for (Contact& contact : wrong.model.contacts) contact.restitution *= 0.9;
+    for (Contact& contact : wrong.model.contacts) {
+      contact.restitution *= 0.9;
+      if (name != std::string("paper_beam_chatter")) contact.curve.slope = -0.05;
+    }
     const Eigen::VectorXd ones = Eigen::VectorXd::Ones(wrong.model.coordinates());
     wrong.model.outputs = {{"a", ones}, {"b", ones, true}};
     BothEstimator filter(wrong, drive.h);
