@@ -116,7 +116,9 @@ TEST(RestitutionBySpeed, ReplicaOfOneContactNeverDeparts) {
       impacts += static_cast<int>(next - first);
     }
   }
-  EXPECT_GT(impacts, 5 * repetitions(60));
+  if (!sanitized) {
+    EXPECT_GT(impacts, 5 * repetitions(60));
+  }
 }
 
 // carry_through() and strike_together() against difference quotients, also while others are held.
