@@ -157,10 +157,9 @@ py::object restitution_by_speed(const Contact& contact) {
     table["slope"] = curve.slope;
     return table;
   }
-  std::vector<double> values;
-  for (const double v : curve.at) values.push_back(restitution_at(contact, -v).epsilon);
+  const Eigen::VectorXd values = restitutions_at_points(contact);
   table["at"] = curve.at;
-  table["value"] = values;
+  table["value"] = std::vector<double>(values.begin(), values.end());
   return table;
 }
 
@@ -524,11 +523,12 @@ void bind_beam(py::module_& module) {
 }
 
 void bind_model(py::module_& module) {
-  value_class<Contact>(module, "Contact",
-                       "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
-                       "restitution in [0, 1]; w has f entries. restitution: a number, or a dict "
-                       "as that of restitution_by_speed. Raises ValueError if an impact could "
-                       "bring two motions apart: d(restitution * speed)/d(speed) must be in [-1, 1].")
+  value_class<Contact>(
+      module, "Contact",
+      "One unilateral contact, gap w^T q + motion(t) + clearance [m], with a "
+      "restitution in [0, 1]; w has f entries. restitution: a number, or a dict "
+      "as that of restitution_by_speed. Raises ValueError if an impact could "
+      "bring two motions apart: d(restitution * speed)/d(speed) must be in [-1, 1].")
       .def(py::init(&make_contact), "w"_a, "restitution"_a, "clearance"_a = 0.0,
            "motion"_a = Harmonic{})
       .get("w", "Direction, f entries.", &Contact::w)

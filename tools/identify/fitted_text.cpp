@@ -113,11 +113,7 @@ void set_curves(const Scene& fitted, Text& text) {
       text.set(path + ".value", contact.restitution);
       text.set(path + ".slope", contact.curve.slope);
     } else {
-      Eigen::VectorXd value(std::ssize(contact.curve.at));
-      for (Eigen::Index k = 0; k < value.size(); ++k) {
-        value[k] = restitution_at(contact, -contact.curve.at[static_cast<std::size_t>(k)]).epsilon;
-      }
-      text.set(path + ".value", value);
+      text.set(path + ".value", restitutions_at_points(contact));
     }
   }
 }

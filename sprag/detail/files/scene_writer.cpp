@@ -131,11 +131,9 @@ void add_restitution(std::string& text, const Contact& contact) {
             ", slope = " + text_of(curve.slope) + " }\n";
     return;
   }
-  const Eigen::Map<const Eigen::VectorXd> at(curve.at.data(), std::ssize(curve.at));
-  Eigen::VectorXd value(at.size());
-  for (Eigen::Index k = 0; k < at.size(); ++k) value[k] = restitution_at(contact, -at[k]).epsilon;
-  text += "restitution = { at = " + text_of(Eigen::VectorXd(at)) + ", value = " + text_of(value) +
-          " }\n";
+  const Eigen::VectorXd at = Eigen::VectorXd::Map(curve.at.data(), std::ssize(curve.at));
+  text += "restitution = { at = " + text_of(at) +
+          ", value = " + text_of(restitutions_at_points(contact)) + " }\n";
 }
 
 void add_contact(std::string& text, const Contact& contact, const Mount& mount) {
@@ -328,6 +326,14 @@ void refuse_unwritten_inputs(const Scene& scene, bool as_beam) {
 }
 
 }  // namespace
+
+Eigen::VectorXd restitutions_at_points(const Contact& contact) {
+  const std::vector<double>& at = contact.curve.at;
+  Eigen::VectorXd values(std::ssize(at));
+  std::transform(at.begin(), at.end(), values.begin(),
+                 [&](double v) { return restitution_at(contact, -v).epsilon; });
+  return values;
+}
 
 std::string to_toml(const ParameterUncertainty& parameters, std::string_view comment) {
   if (parameters.empty()) return {};

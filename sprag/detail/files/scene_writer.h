@@ -9,6 +9,9 @@
 
 namespace sprag {
 
+/// The restitutions at the points of a piecewise linear curve, as scene files give them.
+Eigen::VectorXd restitutions_at_points(const Contact& contact);
+
 /// The text of a scene file that parse_scene() reads as the same scene, bit for bit. Recorded
 /// inputs are written with their samples. A beam whose keys do not give its matrices becomes a
 /// system without [adapt] and [parameters], since their keys may be those of the beam. Kept modes
