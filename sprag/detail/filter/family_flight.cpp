@@ -624,7 +624,6 @@ ImpactRestitution FamilyFlight::at_impact(int contact, double gamma, double sigm
                                           const Variant& variant) const {
   const FamilyMachine& machine = variant.machine;
   const Contact& of = machine.scene.model.contacts[static_cast<std::size_t>(contact)];
-  if (of.curve.is_constant()) return {machine.restitution[contact]};
   // Speeds are those of the machine's own time.
   const double scale = machine.clock_scale;
   const auto [epsilon, slope, scatter] = restitution_over(of, scale * gamma, scale * sigma);

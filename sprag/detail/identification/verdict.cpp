@@ -24,11 +24,15 @@ std::string share(const Identification& fit) {
 // The likeliest cause of a misfit.
 std::string of_cause(const Identification& fit) {
   switch (fit.departure.cause) {
-    case Cause::restitution_by_speed:
+    case Cause::restitution_by_speed: {
+      const auto& trend = fit.departure.trend;
+      const std::string form = trend && trend->trend < 0.0
+                                   ? "value = ..., slope = " + short_number(trend->trend, 2)
+                                   : "at = [...], value = [...]";
       return "The likeliest cause: the restitution depends on the impact's speed. The scene can "
-             "say "
-             "so: restitution = { value = ..., slope = " +
-             short_number(fit.departure.trend ? fit.departure.trend->trend : 0.0, 2) + " }.";
+             "say so: restitution = { " +
+             form + " }.";
+    }
     case Cause::restitution_scatter:
       return "The likeliest cause: the restitution scatters from impact to impact.";
     case Cause::drift:
