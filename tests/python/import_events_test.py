@@ -215,8 +215,8 @@ class ProgramTest(unittest.TestCase):
         scene = (SCENES / "swept_beam.toml").read_text()
         scene = re.sub("(?m)^file = .*", 'file = "base.txt"', scene)
         scene = re.sub("(?m)^(time|acceleration) = .*\n", "", scene)
-        rows = [f"{0.001 * k:.3f} {0.1 * (k % 7):.1f}" for k in range(100)]
-        self.file("base.txt", "\n".join(["time acceleration", "(s) (g)", *rows]) + "\n")
+        rows = [f"{k}ms {0.1 * (k % 7):.1f}" for k in range(100)]
+        self.file("base.txt", "\n".join(["time acceleration", *rows]) + "\n")
         command = [
             os.environ["MASTER_SIM"], self.file("rig.toml", scene), "--no-lcm", "--speed", "max",
             "--duration", "0.01",

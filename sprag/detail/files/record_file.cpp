@@ -20,10 +20,18 @@ constexpr std::size_t fewest_samples = 4;
 constexpr double gap_factor = 1.5;
 constexpr double alike = 0.1;
 constexpr double share_of_alike = 0.9;
-// Units of time other than s, in lower case.
-constexpr std::string_view other_units =
-    " ms msec millisecond milliseconds us usec \u00B5s \u03BCs microsecond microseconds ns nsec "
-    "nanosecond nanoseconds ps fs min minutes h hours d days ticks counts samples cycles frames ";
+// Names of units of time, in lower case, and how many of them are one second; 0: unknown.
+constexpr std::array<std::pair<std::string_view, double>, 5> time_units{
+    {{" s sec second seconds ", 1.0},
+     {" ms msec millisecond milliseconds ", 1e3},
+     {" us usec \u00B5s \u03BCs microsecond microseconds ", 1e6},
+     {" ns nsec nanosecond nanoseconds ", 1e9},
+     {" ps fs min minutes h hours d days ticks counts samples cycles frames ", 0.0}}};
+// Other units that a row of units may have without brackets, in lower case.
+constexpr std::string_view signal_units =
+    " v mv volt volts a ma g m/s\u00B2 m/s^2 m/s2 pa n kn mm m db % deg \u00B0c c unitless logic ";
+// Lines above the rows that are looked at.
+constexpr std::size_t longest_head = 1000;
 // First bytes of files that import_events converts.
 constexpr std::array<std::pair<std::string_view, const char*>, 6> kinds{
     {{"\x93NUMPY", "a numpy array"},
@@ -62,8 +70,26 @@ char separator_of(std::string_view line) {
   return is_blank_separated(line) ? ' ' : ',';
 }
 
-// The unit other than s in the name of a column of times: "Time [ms]", "t (us)", "t / ns", "t_ms",
-// "t in ms", "microseconds"; empty: none.
+std::string in_lower_case(std::string_view word) {
+  std::string lower(word);
+  for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  return lower;
+}
+
+bool is_among(std::string_view word, std::string_view names) {
+  return !word.empty() && names.find(" " + in_lower_case(word) + " ") != std::string_view::npos;
+}
+
+// Units per second of a unit of time; 0: an unknown length, none: not a unit of time.
+std::optional<double> per_second(std::string_view unit) {
+  for (const auto& [names, count] : time_units) {
+    if (is_among(unit, names)) return count;
+  }
+  return std::nullopt;
+}
+
+// The unit in the name of a column of times: "Time [ms]", "t (us)", "t / ns", "t_ms", "t in ms",
+// "microseconds"; empty: none.
 std::string unit_in(const std::string& name) {
   std::size_t begin = name.find_last_of("[(/_");
   if (begin == std::string::npos) begin = name.rfind(" in ");
@@ -71,9 +97,68 @@ std::string unit_in(const std::string& name) {
   begin = begin == std::string::npos ? 0 : name[begin] == ' ' ? begin + 4 : begin + 1;
   const std::string_view rest(name.data() + begin, name.size() - begin);
   const std::string unit(without_blanks_or_quotes(rest.substr(0, rest.find_first_of("])"))));
-  std::string lower = " " + unit + " ";
-  for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-  return other_units.find(lower) != std::string_view::npos ? unit : std::string();
+  return per_second(unit) ? unit : std::string();
+}
+
+// The unit in a cell of a row of units, "(ms)", "[V]", "g"; none: the cell is no unit.
+std::optional<std::string> unit_of_cell(const std::string& cell) {
+  const bool in_brackets = cell.size() > 1 && ((cell.front() == '(' && cell.back() == ')') ||
+                                               (cell.front() == '[' && cell.back() == ']'));
+  std::string unit = in_brackets ? cell.substr(1, cell.size() - 2) : cell;
+  if (!in_brackets && !unit.empty() && !per_second(unit) && !is_among(unit, signal_units)) {
+    return std::nullopt;
+  }
+  return unit;
+}
+
+std::vector<std::string_view> split(std::string_view line, char separator) {
+  std::vector<std::string_view> fields;
+  if (separator == ' ') {
+    for (auto begin = line.find_first_not_of(' '); begin != std::string_view::npos;) {
+      const std::size_t end = std::min(line.find(' ', begin), line.size());
+      fields.push_back(line.substr(begin, end - begin));
+      begin = line.find_first_not_of(' ', end);
+    }
+    return fields;
+  }
+  while (true) {
+    const std::size_t end = line.find(separator);
+    fields.push_back(line.substr(0, end));
+    if (end == std::string_view::npos) return fields;
+    line.remove_prefix(end + 1);
+  }
+}
+
+// A number with a decimal point, or a decimal comma if commas do not separate.
+std::optional<double> parse(std::string_view field, char separator) {
+  const std::size_t comma = separator == ',' ? std::string_view::npos : field.find(',');
+  if (comma == std::string_view::npos) return parse_double(field);
+  std::string with_point(field);
+  with_point[comma] = '.';
+  return parse_double(with_point);
+}
+
+// The first column with a number; none: there is no number.
+std::optional<std::size_t> first_number(std::string_view line, char separator) {
+  const auto fields = split(line, separator);
+  const auto found = std::find_if(fields.begin(), fields.end(), [&](std::string_view field) {
+    return parse(field, separator).has_value();
+  });
+  if (found == fields.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - fields.begin());
+}
+
+// Whether two lines look like rows of one table: numbers in the same columns, two or more.
+bool are_rows(std::string_view line, std::string_view next, char separator) {
+  const auto a = split(line, separator), b = split(next, separator);
+  if (a.size() != b.size()) return false;
+  int numbers = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const bool is_number = parse(a[i], separator).has_value();
+    if (is_number != parse(b[i], separator).has_value()) return false;
+    numbers += is_number ? 1 : 0;
+  }
+  return numbers >= 2;
 }
 
 class RecordReader {
@@ -87,45 +172,93 @@ class RecordReader {
   Record read(const RecordColumns& columns);
 
  private:
-  bool next() { return lines_.next_data("#%"); }
-  void split();
+  static constexpr std::string_view comments = "#%";
+
+  [[noreturn]] void fail_at_names(const std::string& message) const {
+    (head_.empty() ? lines_ : head_[head_.size() - (units_.empty() ? 1 : 2)]).fail(message);
+  }
+  void refuse_binary() const;
+  void find_rows();
+  void read_names();
+  void split_row();
   std::size_t column_of(const std::string& name, const char* key) const;
   void choose_columns(const RecordColumns& columns);
-  std::optional<double> parse(std::string_view field);
+  double per_second_of_times();
   double number(std::size_t column);
   void check_gaps(const Record& record) const;
 
-  void refuse_binary() const;
-
   std::string_view text_;
   TextLines lines_;
-  std::string remedy_;  ///< for a file that is not in the form of a record
+  std::string remedy_;           ///< for a file that is not in the form of a record
+  std::vector<TextLines> head_;  ///< at the lines above the rows
   char separator_ = ',';
   char mark_ = 0;  // decimal point or comma, once a number has one
   bool header_ = false;
   std::vector<std::string_view> fields_;
-  std::vector<std::string> names_;
-  std::size_t time_ = 0, signal_ = 1, count_ = 0;
+  std::vector<std::string> names_, units_;  ///< units by a row of units; empty: there is none
+  std::size_t time_ = 0, signal_ = 1;
   std::vector<int> numbers_;  // of the samples' lines
+  std::vector<std::string> remarks_;
 };
 
-void RecordReader::split() {
-  fields_.clear();
-  std::string_view line = lines_.line();
-  if (separator_ == ' ') {
-    for (auto begin = line.find_first_not_of(' '); begin != std::string_view::npos;) {
-      const std::size_t end = std::min(line.find(' ', begin), line.size());
-      fields_.push_back(line.substr(begin, end - begin));
-      begin = line.find_first_not_of(' ', end);
+// Moves to the first row, and keeps the lines above it. A line above two rows that has a number
+// where they have their first one is a row, too, so that none is lost for an odd cell.
+void RecordReader::find_rows() {
+  std::vector<TextLines> seen;
+  bool found = false;
+  while (!found && seen.size() < longest_head && lines_.next_data(comments)) {
+    seen.push_back(lines_);
+    if (seen.size() < 2) continue;
+    const std::string_view last = seen[seen.size() - 2].line();
+    separator_ = separator_of(last);
+    found = are_rows(last, lines_.line(), separator_);
+  }
+  if (seen.empty()) lines_.fail_whole("has no samples");
+  std::size_t begin = found ? seen.size() - 2 : std::min<std::size_t>(1, seen.size() - 1);
+  if (!found) separator_ = separator_of(seen.front().line());
+  const auto column = first_number(seen[begin].line(), separator_);
+  while (begin > 0 && column && first_number(seen[begin - 1].line(), separator_) == column) --begin;
+  lines_ = seen[begin];
+  seen.resize(begin, lines_);
+  head_ = std::move(seen);
+}
+
+// The names above the rows, which may have units between them.
+void RecordReader::read_names() {
+  const auto cells = [&](const TextLines& line) {
+    std::vector<std::string> result;
+    for (const std::string_view field : split(line.line(), separator_)) {
+      result.emplace_back(without_blanks_or_quotes(field));
     }
-    return;
+    return result;
+  };
+  header_ = !head_.empty();
+  names_ = cells(header_ ? head_.back() : lines_);
+  std::size_t used = header_ ? 1 : 0;
+  if (head_.size() > 1) {
+    std::vector<std::string> units;
+    for (const std::string& name : names_) {
+      if (const auto unit = unit_of_cell(name)) units.push_back(*unit);
+    }
+    std::vector<std::string> above = cells(head_[head_.size() - 2]);
+    if (units.size() == names_.size() && above.size() == names_.size()) {
+      used = 2;
+      names_ = std::move(above);
+      units_ = std::move(units);
+    }
   }
-  while (true) {
-    const std::size_t end = line.find(separator_);
-    fields_.push_back(line.substr(0, end));
-    if (end == std::string_view::npos) return;
-    line.remove_prefix(end + 1);
+  if (head_.size() > used) {
+    remarks_.push_back("is read from line " + std::to_string(head_[head_.size() - used].number()) +
+                       " on");
   }
+}
+
+void RecordReader::split_row() {
+  fields_ = split(lines_.line(), separator_);
+  if (fields_.size() == names_.size()) return;
+  lines_.fail("the row has " + std::to_string(fields_.size()) + " fields; must have " +
+              std::to_string(names_.size()) + ", as the " + (header_ ? "header" : "first row") +
+              remedy_);
 }
 
 std::size_t RecordReader::column_of(const std::string& name, const char* key) const {
@@ -133,57 +266,58 @@ std::size_t RecordReader::column_of(const std::string& name, const char* key) co
   if (found != names_.end()) return static_cast<std::size_t>(found - names_.begin());
   std::string list;
   for (const std::string& one : names_) list += (list.empty() ? "'" : ", '") + one + "'";
-  lines_.fail("has no column '" + name + "' (key " + key + "); must be one of " +
-              (header_ ? list : "the names in a header line, which the file does not have") +
-              remedy_);
+  fail_at_names("has no column '" + name + "' (key " + key + "); must be one of " +
+                (header_ ? list : "the names in a header line, which the file does not have") +
+                remedy_);
 }
 
 void RecordReader::choose_columns(const RecordColumns& columns) {
-  count_ = fields_.size();
-  for (const std::string_view field : fields_) {
-    names_.emplace_back(without_blanks_or_quotes(field));
-  }
-  header_ = !parse(fields_.front()).has_value();
+  const std::size_t count = names_.size();
   if (!columns.time.empty()) time_ = column_of(columns.time, "time");
-  if (const std::string unit = header_ ? unit_in(names_[time_]) : ""; !unit.empty()) {
-    lines_.fail("the column '" + names_[time_] + "' has times in " + unit + "; must be in s" +
-                remedy_);
-  }
   if (!columns.signal.empty()) {
     signal_ = column_of(columns.signal, "of the signal");
-  } else if (count_ == 2) {
+  } else if (count == 2) {
     signal_ = 1 - time_;
   } else {
-    lines_.fail(
-        "has " + std::to_string(count_) +
-        (count_ == 1
+    fail_at_names(
+        "has " + std::to_string(count) +
+        (count == 1
              ? " column; must have a time and a signal, separated by ',', ';', tab or blanks" +
                    remedy_
              : " columns; the scene must name the signal's column, as in "
                "acceleration = \"" +
-                   names_[std::min<std::size_t>(1, count_ - 1)] + "\""));
+                   names_[std::min<std::size_t>(1, count - 1)] + "\""));
   }
   if (signal_ == time_) {
-    lines_.fail("the column '" + names_[time_] + "' is the time; the signal must be another");
+    fail_at_names("the column '" + names_[time_] + "' is the time; the signal must be another");
   }
+}
+
+// How many of the column's units of time are one second.
+double RecordReader::per_second_of_times() {
+  std::string unit = header_ ? unit_in(names_[time_]) : "";
+  if (unit.empty() && !units_.empty()) unit = units_[time_];
+  const double count = per_second(unit).value_or(1.0);
+  if (count == 0.0) {
+    fail_at_names("the column '" + names_[time_] + "' has times in " + unit +
+                  "; must be in s, ms, us or ns" + remedy_);
+  }
+  if (count != 1.0) {
+    remarks_.push_back("has times in " + unit + ", as column '" + names_[time_] + "' says");
+  }
+  return count;
 }
 
 // A number with the same decimal mark as those before.
-std::optional<double> RecordReader::parse(std::string_view field) {
-  if (separator_ == ',') return parse_double(field);
-  const std::size_t at = field.find_first_of(".,");
-  if (at == std::string_view::npos) return parse_double(field);
-  if (mark_ != 0 && field[at] != mark_) return std::nullopt;
-  std::string with_point(field);
-  with_point[at] = '.';
-  const auto value = parse_double(with_point);
-  if (value) mark_ = field[at];
-  return value;
-}
-
 double RecordReader::number(std::size_t column) {
   const std::string_view field = fields_[column];
-  if (const auto value = parse(field)) return *value;
+  const std::size_t at = separator_ == ',' ? std::string_view::npos : field.find_first_of(".,");
+  const char own = at == std::string_view::npos ? mark_ : field[at];
+  const auto value = parse(field, separator_);
+  if (value && (mark_ == 0 || own == mark_)) {
+    mark_ = own;
+    return *value;
+  }
   if (field.find_first_not_of(" \t") == std::string_view::npos) {
     lines_.fail(field,
                 "a field is empty; must be a number (a gap in the record cannot be interpolated)");
@@ -227,20 +361,17 @@ void RecordReader::refuse_binary() const {
 
 Record RecordReader::read(const RecordColumns& columns) {
   refuse_binary();
-  if (!next()) lines_.fail_whole("has no samples");
-  separator_ = separator_of(lines_.line());
-  split();
+  find_rows();
+  read_names();
+  split_row();
   choose_columns(columns);
+  const double per_second = per_second_of_times();
   Record record;
   if (header_) record.column = names_[signal_];
-  bool more = header_ ? next() : true;
-  for (; more; more = next()) {
-    split();
-    if (fields_.size() != count_) {
-      lines_.fail("the row has " + std::to_string(fields_.size()) + " fields; must have " +
-                  std::to_string(count_) + ", as the first line" + remedy_);
-    }
-    const double t = number(time_);
+  if (!units_.empty()) record.column += " [" + units_[signal_] + "]";
+  for (bool more = true; more; more = lines_.next_data(comments)) {
+    split_row();
+    const double t = number(time_) / per_second;
     const double value = number(signal_);
     if (!record.t.empty() && !(t > record.t.back())) {
       lines_.fail(fields_[time_], "the time " + to_text(t) +
@@ -257,7 +388,8 @@ Record RecordReader::read(const RecordColumns& columns) {
                       std::to_string(fewest_samples));
   }
   check_gaps(record);
-  record.decimal_commas = mark_ == ',';
+  if (mark_ == ',') remarks_.emplace_back("is read with decimal commas");
+  record.remarks = std::move(remarks_);
   return record;
 }
 

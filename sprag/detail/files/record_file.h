@@ -1,7 +1,8 @@
-// Reads a recorded signal from a text file: a header line with the names of the columns, then rows
-// of numbers, separated by commas, semicolons, tabs or blanks. Numbers may have decimal commas if
-// commas do not separate. Lines that begin with # or % are comments. A file of two columns may have
-// no header.
+// Reads a recorded signal from a text file: lines of a recorder, a header line with the names of
+// the columns, a row of their units, then rows of numbers, separated by commas, semicolons, tabs or
+// blanks; a file of two columns may have rows alone. Numbers may have decimal commas if commas do
+// not separate. Lines that begin with # or % are comments. Times are in s, or in the ms, us or ns
+// that their column's name or unit says.
 #pragma once
 
 #include <filesystem>
@@ -16,9 +17,9 @@ struct RecordColumns {
 };
 
 struct Record {
-  std::vector<double> t, values;
-  std::string column;           ///< name of the signal's column; empty without a header
-  bool decimal_commas = false;  ///< the numbers have decimal commas
+  std::vector<double> t, values;     ///< times [s], and the signal in the file's unit
+  std::string column;                ///< name of the signal's column; empty without a header
+  std::vector<std::string> remarks;  ///< what was guessed or left out: "has times in ms, ..."
 };
 
 /// Throws SceneError (scene_file.h), "FILE:LINE:COLUMN: message", for times that do not increase,

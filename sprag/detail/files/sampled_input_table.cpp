@@ -43,7 +43,7 @@ Record read_record(const TomlTable& table, const RecordColumns& columns) {
 std::pair<Record, std::string> read_samples(const TomlTable& table) {
   const TomlTable record = *table.table("record", {"name", "time", "values"});
   const Eigen::VectorXd t = record.vector("time"), values = record.vector("values");
-  return {{{t.begin(), t.end()}, {values.begin(), values.end()}, ""},
+  return {{{t.begin(), t.end()}, {values.begin(), values.end()}, "", {}},
           record.string_or("name", "record")};
 }
 
@@ -107,7 +107,7 @@ SampledInputPointer read_input(const TomlTable& table, RecordColumns columns, bo
     settings.name = table.required_string("file");
     columns.time = table.string_or("time", "");
     record = read_record(table, columns);
-    if (record.decimal_commas) table.remark("file", "is read with decimal commas");
+    for (const std::string& remark : record.remarks) table.remark("file", remark);
     for (double& value : record.values) value *= unit;
   } else {
     std::tie(record, settings.name) = read_samples(table);
