@@ -109,6 +109,39 @@ TEST(DrawnRecords, FindsTheSpuriousEvent) {
   EXPECT_LT(again.scatter, 1.5 * result.scatter);
 }
 
+// An impact is lost, and one or two events later another one is spurious.
+TEST(DrawnRecords, FindsNeighbouringErrorsOfTheRecord) {
+  int found = 0;
+  for (std::uint64_t trial = 0; trial < 5; ++trial) {
+    Record record = drawn("oscillator", trial);
+    std::vector<ContactEvent>& events = record.events;
+    const std::size_t lost = 12 + 3 * trial;
+    ASSERT_LT(lost + 8, events.size());
+    const std::size_t after = lost + 1 + trial % 2;
+    const double t = 0.4 * events[after].t + 0.6 * events[after + 1].t;
+    events.insert(events.begin() + static_cast<std::ptrdiff_t>(after) + 1,
+                  {t, 0, ContactEventKind::pulse});
+    events.erase(events.begin() + static_cast<std::ptrdiff_t>(lost));
+    const Identification result = fitted(record);
+    if (!result.fits()) continue;
+    for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
+    found += result.missing.size() == 1 && result.spurious == std::vector{after};
+  }
+  std::cout << found << " of 5 found\n";
+  EXPECT_GE(found, 4);
+}
+
+// Valleys of the cost are curved where a parameter is weakly determined.
+TEST(DrawnRecords, ExactTimesOfWhichSomeAreLostGiveTheMachine) {
+  for (std::uint64_t trial = 0; trial < 12; trial += 3) {
+    const Record record = drawn("two lost", trial);
+    ASSERT_EQ(record.jitter, 0.0);
+    const Identification result = fitted(record);
+    EXPECT_TRUE(result.fits()) << trial;
+    for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
+  }
+}
+
 TEST(DrawnRecords, SigmasAreCalibrated) {
   double squares = 0.0;
   int values = 0;

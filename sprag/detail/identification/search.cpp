@@ -30,6 +30,8 @@ constexpr double rounding_of_times = 1e-13;
 constexpr std::size_t most_skipped = 3, most_lost = 2, most_lost_between = 8;
 // Events after a change that must agree, if the record has them, and at least.
 constexpr std::size_t ahead = 4, least_ahead = 2;
+// Changes of the events next to a piece that are told at once.
+constexpr std::size_t most_aligned = 3;
 // Price of a change beyond twice the logarithm of the number of events.
 constexpr double price_of_change = 4.0;
 // Explanations with changes that are compared, and windows with two starts that are tried.
@@ -41,6 +43,9 @@ constexpr double certain = 25.0;
 // Events by which a window must grow before it explains the rest of the record.
 constexpr std::size_t grown_by = 4;
 constexpr int most_rounds = 6;
+// Deviations above this share of the range may lie along a curved valley of the cost, which goes on
+// where the scatter falls below this share.
+constexpr double weakly_determined = 2e-3, lower_by = 0.9;
 constexpr int iterations = 40;
 // An impact of the path has an event if its speed is above this share of the typical one.
 constexpr double least_speed = 0.03;
@@ -58,6 +63,25 @@ FitPoint recorded_point(const std::vector<FitStretch>& parts, const GaussNewton:
 
 void add_lost(std::span<const FitEvent> lost, Chain& chain) {
   for (const FitEvent& event : lost) chain.changes.push_back({event.t, event.contact, true, 0});
+}
+
+// Moves back along the path to just before an impact, which the path has at `time`. False: none
+// leads there.
+bool pass_back(FamilyFlight& flight, int contact, double time, PathPoint& at) {
+  if (at.held != 0 || flight.restitution(contact) == 0.0) return false;
+  flight.fly(at.x, at.t, time - at.t, at.held);
+  VectorXd along(at.x.size());
+  flight.along(contact, along);
+  const double after = flight.gap(contact).velocity;
+  // epsilon(v) v is the speed after the impact.
+  double before = -after / flight.restitution(contact);
+  for (int round = 0; round < speed_rounds; ++round) {
+    before = -after / flight.restitution(contact, before);
+  }
+  if (!std::isfinite(before)) return false;
+  at.x = flight.x() - (after - before) * along;
+  at.t = time;
+  return true;
 }
 
 }  // namespace
@@ -384,12 +408,7 @@ std::optional<std::vector<FitEvent>> FitSearch::lost_events(const Chain& chain, 
                                                             const FitEvent& next,
                                                             std::size_t most) {
   FamilyFlight& flight = solver_->flight();
-  flight.set(chain.fit.point.c, false);
-  const FitStretch& part = chain.pieces[piece].part;
-  PathPoint at{chain.fit.point.starts[piece], part.start, part.held};
-  for (std::size_t k = 0; k < events; ++k) {
-    pass(flight, part.events[k], chain.fit.point.times[piece][k], at);
-  }
+  PathPoint at = beyond(chain, piece, chain.pieces[piece].part.size() - events, true);
   std::vector<FitEvent> lost;
   const double tolerance = beside_event * std::min(record_->interval, next.t - at.t);
   while (lost.size() <= most) {
@@ -553,9 +572,38 @@ bool FitSearch::repair(Chain& chain, std::size_t piece, bool forwards) {
     }
     if (best.chain) break;
   }
+  for (std::size_t from_a = 0; from_a <= 1 && !best.chain; ++from_a) {
+    if (a.part.size() < from_a + 2) break;
+    if (auto changed = aligned(chain, piece, from_a, forwards)) {
+      const double added =
+          static_cast<double>(changed->spanned()) - static_cast<double>(chain.spanned());
+      consider(std::move(*changed), chain, std::max(added, 1.0), best);
+    }
+  }
   if (!best.chain) return false;
   chain = std::move(*best.chain);
   return true;
+}
+
+// The path of a piece beyond one of its ends, without the `from_a` events there.
+PathPoint FitSearch::beyond(const Chain& chain, std::size_t piece, std::size_t from_a,
+                            bool forwards) {
+  FamilyFlight& flight = solver_->flight();
+  flight.set(chain.fit.point.c, false);
+  const FitStretch& part = chain.pieces[piece].part;
+  const std::vector<double>& times = chain.fit.point.times[piece];
+  PathPoint at{chain.fit.point.starts[piece], part.start, part.held};
+  if (forwards) {
+    for (std::size_t k = 0; k + from_a < part.size(); ++k) {
+      pass(flight, part.events[k], times[k], at);
+    }
+    return at;
+  }
+  flight.fly(at.x, at.t, times.front() - at.t, at.held);
+  if (from_a > 0) flight.strike(part.events.front().contact, false, part.held);
+  at.x = flight.x();
+  at.t = times.front();
+  return at;
 }
 
 // Impacts of the path between `last` and a piece without its first `from_a` events, in order of
@@ -564,35 +612,81 @@ std::optional<std::vector<FitEvent>> FitSearch::earlier_events(const Chain& chai
                                                                std::size_t piece,
                                                                std::size_t from_a,
                                                                const FitEvent& last) {
-  FamilyFlight& flight = solver_->flight();
-  flight.set(chain.fit.point.c, false);
-  const FitStretch& part = chain.pieces[piece].part;
-  double t = chain.fit.point.times[piece].front();
-  flight.fly(chain.fit.point.starts[piece], part.start, t - part.start, part.held);
-  if (from_a > 0) flight.strike(part.events.front().contact, false, part.held);
-  VectorXd x = flight.x(), along(2 * solver_->n());
+  PathPoint at = beyond(chain, piece, from_a, false);
   std::vector<FitEvent> lost;
-  const double tolerance = beside_event * std::min(record_->interval, t - last.t);
+  const double tolerance = beside_event * std::min(record_->interval, at.t - last.t);
   while (lost.size() <= most_lost) {
-    const std::optional<FitEvent> first = next_impact(x, t, last.t - tolerance, part.held);
+    const std::optional<FitEvent> first = next_impact(at.x, at.t, last.t - tolerance, at.held);
     if (!first || first->t < last.t) break;
     if (first->contact == last.contact && first->t < last.t + tolerance) break;
-    if (part.held != 0 || flight.restitution(first->contact) == 0.0) return std::nullopt;
+    if (!pass_back(solver_->flight(), first->contact, first->t, at)) return std::nullopt;
     lost.insert(lost.begin(), *first);
-    flight.fly(x, t, first->t - t, part.held);
-    flight.along(first->contact, along);
-    const double after = flight.gap(first->contact).velocity;
-    // epsilon(v) v is the speed after the impact.
-    double before = -after / flight.restitution(first->contact);
-    for (int round = 0; round < speed_rounds; ++round) {
-      before = -after / flight.restitution(first->contact, before);
-    }
-    if (!std::isfinite(before)) return std::nullopt;
-    x = flight.x() - (after - before) * along;
-    t = first->t;
   }
   if (lost.size() > most_lost) return std::nullopt;
   return lost;
+}
+
+// Extends a piece, without `from_a` events at its end, by the next events as its path has them:
+// impacts without an event are lost, events without an impact spurious.
+std::optional<Chain> FitSearch::aligned(const Chain& chain, std::size_t piece, std::size_t from_a,
+                                        bool forwards) {
+  const Piece& a = chain.pieces[piece];
+  const std::vector<FitEvent>& recorded = record_->stretches[a.stretch].events;
+  const auto own = std::span(a.part.events);
+  Chain changed = chain;
+  if (!drop(forwards ? own.last(from_a) : own.first(from_a), changed)) return std::nullopt;
+  PathPoint at = beyond(chain, piece, from_a, forwards);
+  std::vector<FitEvent> events;
+  const std::size_t room = forwards ? recorded.size() - a.high : a.low;
+  std::size_t used = 0, matched = 0, used_then = 0, events_then = 0, changes_then = 0;
+  while (matched < ahead && used < room &&
+         changed.changes.size() <= chain.changes.size() + most_aligned) {
+    const FitEvent& next = recorded[forwards ? a.high + used : a.low - 1 - used];
+    const double tolerance = beside_event * std::min(record_->interval, std::abs(next.t - at.t));
+    const double until = forwards ? next.t + tolerance : next.t - tolerance;
+    const std::optional<FitEvent> impact = next_impact(at.x, at.t, until, at.held);
+    const bool same =
+        impact && impact->contact == next.contact && std::abs(impact->t - next.t) < tolerance;
+    const bool is_before = impact && (forwards ? impact->t < next.t : impact->t > next.t);
+    if (same || !is_before) {
+      if (next.kind != ContactEventKind::pulse) break;
+      ++used;
+    }
+    if (!same && !is_before) {
+      if (!drop({&next, 1}, changed)) break;
+      continue;
+    }
+    events.push_back(same ? next : *impact);
+    if (!same) add_lost({&*impact, 1}, changed);
+    if (forwards) {
+      pass(solver_->flight(), *impact, impact->t, at);
+    } else if (!pass_back(solver_->flight(), impact->contact, impact->t, at)) {
+      break;
+    }
+    if (!same) continue;
+    ++matched;
+    used_then = used;
+    events_then = events.size();
+    changes_then = changed.changes.size();
+  }
+  if (matched < std::min(room, least_ahead) || changes_then == chain.changes.size())
+    return std::nullopt;
+  events.resize(events_then);
+  changed.changes.resize(changes_then);
+  Piece wider = a;
+  if (forwards) {
+    wider.high += used_then;
+    wider.part.events.resize(own.size() - from_a);
+    wider.part.events.insert(wider.part.events.end(), events.begin(), events.end());
+  } else {
+    wider.low -= used_then;
+    std::reverse(events.begin(), events.end());
+    events.insert(events.end(), own.begin() + static_cast<std::ptrdiff_t>(from_a), own.end());
+    wider.part = record_->stretches[a.stretch].part(wider.low, wider.low + 1);
+    wider.part.events = std::move(events);
+  }
+  changed.pieces[piece] = std::move(wider);
+  return changed;
 }
 
 // Puts events `low` to `high` - 1 of its stretch before a piece, without its first `from_a` events.
@@ -674,6 +768,37 @@ void FitSearch::polish(Chain& chain) {
     chain.fit = std::move(fit);
     if (chain.fit.converged && chain.fit.squares > 0.98 * before) return;
   }
+}
+
+// Follows a curved valley of the cost, where steps by the derivatives end: shifts each weakly
+// determined parameter with the others free. Returns whether the scatter has become smaller.
+bool FitSearch::descend(Chain& chain) {
+  const EventFit& fit = chain.fit;
+  const double share = variance(fit) / square(fit.sigma);
+  for (Index k = 0; k < solver_->parameters(); ++k) {
+    const double deviation = std::sqrt(fit.covariance(k, k) * share);
+    if (!(deviation > weakly_determined * solver_->scale()[k])) continue;
+    for (const double side : {1.0, -1.0}) {
+      std::optional<EventFit> lower;
+      double least = lower_by * fit.squares;
+      for (double distance = 2.0 * deviation; distance < solver_->scale()[k]; distance *= 2.0) {
+        FitPoint point = fit.point;
+        point.c[k] += side * distance;
+        if (point.c[k] < solver_->low()[k] || point.c[k] > solver_->high()[k]) break;
+        EventFit other = solver_->refine(fit.stretches, std::move(point), fit.sigma, iterations, k);
+        if (other.stretches.empty() || !(other.squares < least)) break;
+        least = other.squares;
+        lower = std::move(other);
+      }
+      if (!lower) continue;
+      EventFit free = solver_->refine(lower->stretches, lower->point,
+                                      sigma(std::sqrt(lower->variance())), iterations);
+      if (free.stretches.empty() || !plausible(free) || free.squares > least) continue;
+      chain.fit = std::move(free);
+      return true;
+    }
+  }
+  return false;
 }
 
 // Twice the negative logarithm of the likelihood of a record; an event that the chain does not
@@ -877,6 +1002,10 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
   }
   std::stable_sort(tried.begin(), tried.end(), cheaper);
   if (finished == 0 && !tried.empty() && !tried.front().explained) explain(tried.front());
+  if (tried.empty() || !tried.front().explained) return tried;
+  for (int round = 0; round < most_rounds && descend(tried.front()); ++round) {
+    explain(tried.front());
+  }
   return tried;
 }
 

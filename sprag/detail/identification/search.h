@@ -86,6 +86,7 @@ class FitSearch {
   std::vector<std::vector<Piece>> windows(std::size_t number, bool split) const;
   void prune(Chain& chain);
   void polish(Chain& chain);
+  bool descend(Chain& chain);
   void begin_record(Chain& chain);
   std::optional<std::pair<FitEvent, std::size_t>> unrecorded(const Chain& chain, std::size_t piece);
   void insert_unrecorded(Chain& chain);
@@ -116,7 +117,10 @@ class FitSearch {
                                  std::size_t most);
   std::optional<Chain> preceded(const Chain& chain, std::size_t piece, std::size_t from_a,
                                 std::size_t low, std::size_t high);
+  std::optional<Chain> aligned(const Chain& chain, std::size_t piece, std::size_t from_a,
+                               bool forwards);
   double tolerated(const EventFit& fit) const;
+  PathPoint beyond(const Chain& chain, std::size_t piece, std::size_t from_a, bool forwards);
   std::optional<std::vector<FitEvent>> lost_events(const Chain& chain, std::size_t piece,
                                                    std::size_t events, const FitEvent& next,
                                                    std::size_t most);
