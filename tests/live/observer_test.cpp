@@ -102,6 +102,27 @@ TEST_P(ObserverTest, EqualsTimeLineWithPromptReports) {
   }
 }
 
+TEST_P(ObserverTest, ObservesARecordingAtOnce) {
+  const Estimates all = observe(scene_, events_, duration, settings_);
+  Observer observer(scene_, settings_);
+  for (const ContactEvent& event : events_) observer.take(event);
+  observer.set_horizon(duration);
+  const std::vector<Estimate> settled = observer.settle();
+  ASSERT_EQ(all.t.size(), static_cast<Eigen::Index>(settled.size()));
+  for (const Estimate& of : settled) {
+    const auto k = static_cast<Eigen::Index>(of.tick);
+    ASSERT_EQ(all.t[k], of.t);
+    ASSERT_EQ(all.q.row(k).transpose(), of.q);
+    ASSERT_EQ(all.u.row(k).transpose(), of.u);
+    ASSERT_EQ(all.bound[k], of.bound);
+    ASSERT_EQ(all.of_filter[static_cast<std::size_t>(k)] != 0, of.of_filter);
+    if (of.sigma_q.size() == 0) continue;
+    ASSERT_EQ(all.sigma_q.row(k).transpose(), of.sigma_q);
+    ASSERT_EQ(all.sigma_gap.row(k).transpose(), of.sigma_gap);
+  }
+  EXPECT_EQ(all.counts.events, static_cast<std::int64_t>(events_.size()));
+}
+
 TEST_P(ObserverTest, ProvisionalEqualsSettledWithCompleteEvents) {
   Observer observer(scene_, settings_);
   Observer late(scene_, settings_);
@@ -123,28 +144,6 @@ TEST_P(ObserverTest, ProvisionalEqualsSettledWithCompleteEvents) {
   late.set_horizon(t);
   late.settle();
   EXPECT_TRUE(same(late.at(duration), further));
-}
-
-TEST_P(ObserverTest, ObservesARecordingAtOnce) {
-  const Estimates all = observe(scene_, events_, duration, settings_);
-  Observer observer(scene_, settings_);
-  for (const ContactEvent& event : events_) observer.take(event);
-  observer.set_horizon(duration);
-  const std::vector<Estimate> settled = observer.settle();
-  ASSERT_EQ(all.t.size(), static_cast<Eigen::Index>(settled.size()));
-  for (Eigen::Index k = 0; k < all.t.size(); ++k) {
-    const Estimate& of = settled[static_cast<std::size_t>(k)];
-    ASSERT_EQ(all.t[k], of.t);
-    ASSERT_EQ(all.q.row(k).transpose(), of.q);
-    ASSERT_EQ(all.u.row(k).transpose(), of.u);
-    ASSERT_EQ(all.bound[k], of.bound);
-    ASSERT_EQ(all.of_filter[static_cast<std::size_t>(k)] != 0, of.of_filter);
-    if (of.sigma_q.size() > 0) {
-      ASSERT_EQ(all.sigma_q.row(k).transpose(), of.sigma_q);
-      ASSERT_EQ(all.sigma_gap.row(k).transpose(), of.sigma_gap);
-    }
-  }
-  EXPECT_EQ(all.counts.events, static_cast<std::int64_t>(events_.size()));
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, ObserverTest,

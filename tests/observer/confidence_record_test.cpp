@@ -112,17 +112,5 @@ TEST(ConfidenceRecord, ReportsPermanentLossOfScale) {
   EXPECT_EQ(said.lines.find("have fitted again"), std::string::npos) << said.lines;
 }
 
-// JSON has no infinity.
-TEST(ConfidenceRecord, AnInfiniteSigmaIsNullInTheReport) {
-  const Scene& scene = cached_scene("paper_beam.toml");
-  auto events = master_events(scene, 30.0);
-  events.resize(30);
-  const Said said = said_of<TimingEstimator>(scene, events, 30.0);
-  for (const char* key : {"sigma_q", "sigma_u", "sigma_g"}) {
-    const std::string list = said.report["confidence"][key].dump();
-    EXPECT_EQ(list, std::string(key) == "sigma_g" ? "[null]" : "[null,null,null]") << key;
-  }
-}
-
 }  // namespace
 }  // namespace sprag

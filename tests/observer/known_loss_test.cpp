@@ -98,29 +98,6 @@ TEST(KnownLoss, IsReportedAgainWhileTrackIsTentative) {
   EXPECT_NE(run.lines.find("records before this event were lost"), std::string::npos) << run.lines;
 }
 
-// Without a gap in the record numbers a missing event is a suspicion only.
-TEST(KnownLoss, IsNotReportedWithoutGapInRecordNumbers) {
-  const Scene& scene = cached_scene("paper_beam.toml");
-  ObserverOptions options;
-  options.tick = 0.01;
-  Estimation estimation(scene, options, 1);
-  EstimateSample sample = estimation.empty_sample();
-  std::vector<ContactEvent> events = master_events(scene, 40.0);
-  events.erase(events.begin() + 30);
-  estimation.time_line.restart(0, 0, 0, no_horizon);
-  for (const ContactEvent& event : events) estimation.time_line.receive(event);
-  estimation.time_line.set_horizon(40.0);
-  estimation.time_line.run(
-      0, [](const auto&) {},
-      [&](const Estimation::State& state) {
-        estimation.note(state, sample);
-        return true;
-      });
-  EXPECT_GE(sample.confidence.inconsistencies, 1);
-  EXPECT_EQ(sample.confidence.last.suspicion, Suspicion::missing_event);
-  EXPECT_FALSE(sample.confidence.last.known_loss);
-}
-
 // One line per tick, with the number of inconsistencies.
 TEST(KnownLoss, SeveralInconsistenciesOfOneTickAreCounted) {
   Confidence confidence;

@@ -43,31 +43,6 @@ std::vector<Delivery> deliver(const std::vector<ContactMessage>& reports, const 
   return deliveries;
 }
 
-/// Results of an identification thread, which arrive after any number of messages.
-template <typename E>
-class LateResults {
- public:
-  void note(const TrackingState&) {}
-  void put_when_due(Random&, TimeLine&) {}
-  bool used() const { return true; }
-};
-
-template <>
-class LateResults<IdentifyingAdaptive> {
- public:
-  void note(const TrackingState& state) {
-    used_ = used_ || state.track.status == TrackStatus::confirmed;
-  }
-  void put_when_due(Random& random, TimeLine& line) {
-    if (line.waits() && random.chance(0.01)) line.identify();
-  }
-  /// Whether a filter has used a result.
-  bool used() const { return used_; }
-
- private:
-  bool used_ = false;
-};
-
 template <typename E>
 class NetworkTest : public ::testing::Test {
  protected:
@@ -88,7 +63,6 @@ class NetworkTest : public ::testing::Test {
 
     E estimator(scene.model, h);
     TimeLine line(estimator, 1, scene.prior.start, history);
-    LateResults<E> results;
     SessionTracker tracker;
     Recording settled;
     std::int64_t next_seen = 0;
@@ -106,7 +80,6 @@ class NetworkTest : public ::testing::Test {
         case SessionTracker::Verdict::ignored:
           break;
       }
-      results.put_when_due(random, line);
       if (random.chance(0.2)) continue;
       const double now = std::max(delivery.arrival + random.uniform(-1.0, 0.5), 0.0);
       line.run(
@@ -119,20 +92,15 @@ class NetworkTest : public ::testing::Test {
             EXPECT_LE(state.tick, line.settled_tick());
             if (random.chance(0.05)) return false;
             settled.add(estimator, state, scene.model.coordinates());
-            results.note(state);
             return true;
           });
     }
-    do {
-      line.run(
-          0, [](const auto&) {},
-          [&](const auto& state) {
-            settled.add(estimator, state, scene.model.coordinates());
-            results.note(state);
-            return true;
-          });
-    } while (line.identify());
-    EXPECT_TRUE(results.used());
+    line.run(
+        0, [](const auto&) {},
+        [&](const auto& state) {
+          settled.add(estimator, state, scene.model.coordinates());
+          return true;
+        });
     ASSERT_EQ(line.events().counts().lost_records, 0) << "not a plan that repeats repair";
     EXPECT_EQ(line.events().events(), events);
     EXPECT_EQ(line.events().counts().events, static_cast<std::int64_t>(events.size()));
@@ -143,7 +111,7 @@ class NetworkTest : public ::testing::Test {
     figures_.reordered += tracker.counts().reordered;
   }
 
-  void run(const char* name, double end, int plans = repetitions(200)) {
+  void run(const char* name, double end, int plans = long_repetitions(200)) {
     const Scene& scene = cached_scene(name);
     for (int i = 1; i <= plans && !this->HasFatalFailure(); ++i) {
       expect_equal_to_offline(scene, end, static_cast<std::uint64_t>(i));
@@ -170,13 +138,6 @@ TYPED_TEST(NetworkTest, SettledTicksOfTheBeamEqualAnOfflineRun) {
 
 TYPED_TEST(NetworkTest, SettledTicksOfTheChatteringBeamEqualAnOfflineRun) {
   this->run("paper_beam_chatter.toml", 4.0);
-}
-
-class AdaptiveNetworkTest : public NetworkTest<IdentifyingAdaptive> {};
-
-// Equal to a run with immediate results.
-TEST_F(AdaptiveNetworkTest, SettledTicksEqualOfflineRunForAnyDelays) {
-  run("paper_beam.toml", 24.0, repetitions(8));
 }
 
 }  // namespace

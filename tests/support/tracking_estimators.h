@@ -3,7 +3,6 @@
 #pragma once
 
 #include "sprag/detail/filter/tracking_estimator.h"
-#include "sprag/detail/live/machine_adaptation.h"
 
 namespace sprag {
 
@@ -53,41 +52,6 @@ class JitteringBoth : public TrackingEstimator {
 class ExactBoth : public JitteringBoth {
  public:
   ExactBoth(const Model& model, double h) : JitteringBoth(model, h, 0.0) {}
-};
-
-/// For a machine with a parameter uncertainty of 2 %. Called directly, not by a time line, it runs
-/// its identifications itself and at once.
-class IdentifyingAdaptive : public TrackingEstimator {
- public:
-  IdentifyingAdaptive(const Model& model, double h)
-      : TrackingEstimator(within(model), h, EstimatorKind::adaptive) {}
-
-  void start(const sprag::State& start, std::int64_t k, ContactSet chi, TrackingState& state) {
-    TrackingEstimator::start(start, k, chi, state);
-    adaptation_.start(tick_instant(k, h()).hi, chi);
-    wanted_ = false;
-  }
-
-  void apply(std::span<const ContactEvent> events, TrackingState& state) {
-    TrackingEstimator::apply(events, state);
-    wanted_ = adaptation_.settle(events, state);
-  }
-
-  void tick(std::span<const ContactEvent> events, TrackingState& state) {
-    if (wanted_) adaptation_.identify(state);
-    TrackingEstimator::tick(events, state);
-    wanted_ = adaptation_.settle(events, state);
-  }
-
- private:
-  static Scene within(const Model& model) {
-    Scene scene = scene_of(model);
-    scene.prior.adaptation.within.setConstant(1, 0.02);
-    return scene;
-  }
-
-  MachineAdaptation adaptation_{*this};
-  bool wanted_ = false;
 };
 
 /// The published sigma of q, u and the gaps.
