@@ -31,11 +31,6 @@ const std::map<std::string, std::string> programs{
 
 }  // namespace
 
-Arguments operator+(Arguments left, const Arguments& right) {
-  left.insert(left.end(), right.begin(), right.end());
-  return left;
-}
-
 std::string scene(const std::string& name) {
   return std::string(SPRAG_SOURCE_DIR) + "/scenes/" + name + ".toml";
 }

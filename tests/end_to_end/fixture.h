@@ -14,15 +14,12 @@
 #include <vector>
 
 #include "tests/support/process.h"
+#include "tests/support/program_test.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 
 namespace sprag::test {
-
-using Arguments = std::vector<std::string>;
-
-Arguments operator+(Arguments left, const Arguments& right);
 
 /// Path of a shipped scene.
 std::string scene(const std::string& name);

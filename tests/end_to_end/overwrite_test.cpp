@@ -37,76 +37,60 @@ class OverwriteTest : public EndToEnd {
   std::vector<std::string> before_;
 };
 
-TEST_F(OverwriteTest, MasterDoesNotOverwriteInputs) {
-  const Arguments run{beam_, "--no-lcm", "--speed", "max", "--duration", "1"};
+TEST_F(OverwriteTest, NoProgramOverwritesItsInputsOrAnotherOutput) {
+  const Arguments master{beam_, "--no-lcm", "--speed", "max", "--duration", "1"};
+  const Arguments replay{beam_, "--replay", events_};
+  const std::string estimate = write_text(file("estimate.csv"), read_text(truth_));
+  const Arguments logger{beam_, "--truth", truth_, "--estimate", estimate};
+  const Arguments reduce{events_, beam_, "--modes", "2"};
+  const std::string out = file("out.csv"), now = file("out_now.csv");
+  struct Case {
+    std::string program;
+    Arguments arguments;
+    std::string first, option, file;  // the option names the file of the first
+  };
+  std::vector<Case> cases{
+      {"master_sim", master + Arguments{"--events", out}, "--events", "--states", out},
+      {"master_sim", master + Arguments{"--states", out}, "--states", "--report", out},
+      {"observer", replay + Arguments{"--smooth"}, "--replay", "--states", events_},
+      {"observer", replay + Arguments{"--predict", "1"}, "--replay", "--predictions", events_},
+      {"observer", replay + Arguments{"--states", out}, "--states", "--events", out},
+      {"observer", {beam_}, "SCENE", "--states", beam_},
+      {"sync_logger", logger, "--truth", "--csv", truth_},
+      {"sync_logger", logger, "--estimate", "--csv", estimate},
+      {"sync_logger", logger, "SCENE", "--csv", beam_},
+      {"sync_logger", {beam_, "--csv", out}, "--csv", "--record", out},
+      {"sync_logger", {beam_, "--key", key_}, "--key", "--record", key_},
+      // The logger also writes F_now.csv.
+      {"sync_logger", {beam_, "--csv", out, "--now"}, "--now", "--record", now},
+      {"sync_logger", {beam_, "--csv", out, "--now"}, "--now", "--report", now},
+      {"check_scene", {beam_}, "SCENE", "--report", beam_},
+      {"diagnose", {events_, beam_}, "LOG", "--report", events_},
+      {"diagnose", {events_, beam_}, "SCENE", "--report", beam_},
+      {"identify", {events_, beam_}, "SCENE", "--output", beam_},
+      {"identify", {events_, beam_}, "LOG", "--output", events_},
+      {"reduce", reduce, "EVENTS", "--output", events_},
+      {"reduce", reduce, "SCENE", "--output", beam_},
+      {"reduce", {beam_, "--accuracy", "1e-3"}, "SCENE", "--output", beam_},
+      {"import_events", {rig_, beam_}, "FILE", "--output", rig_},
+      {"import_events", {rig_, beam_}, "FILE", "--report", rig_},
+      {"import_events", {rig_, beam_, "--output", out}, "--output", "--report", out}};
   for (const std::string option : {"--events", "--states", "--report"}) {
-    expect_refused("master_sim", run + Arguments{option, beam_}, "SCENE", option);
-    expect_refused("master_sim", run + Arguments{"--key", key_, option, key_}, "--key", option);
+    cases.push_back({"master_sim", master, "SCENE", option, beam_});
+    cases.push_back({"master_sim", master + Arguments{"--key", key_}, "--key", option, key_});
   }
-  const std::string out = file("out.csv");
-  expect_refused("master_sim", run + Arguments{"--events", out, "--states", out}, "--events",
-                 "--states");
-  expect_refused("master_sim", run + Arguments{"--states", out, "--report", out}, "--states",
-                 "--report");
-  EXPECT_FALSE(std::filesystem::exists(out));
+  for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
+    cases.push_back({"observer", replay, "--replay", option, events_});
+    cases.push_back({"observer", replay, "SCENE", option, beam_});
+    cases.push_back({"observer", replay + Arguments{"--key", key_}, "--key", option, key_});
+  }
+  for (const auto& [program, arguments, first, option, same] : cases)
+    expect_refused(program, arguments + Arguments{option, same}, first, option);
   set_url("file://" + out + "?mode=w");
   expect_refused("master_sim", {beam_, "--duration", "1", "--events", out}, "--url", "--events");
-}
-
-TEST_F(OverwriteTest, ObserverDoesNotOverwriteInputs) {
-  const Arguments run{beam_, "--replay", events_};
-  expect_refused("observer", run + Arguments{"--smooth", "--states", events_}, "--replay",
-                 "--states");
-  for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
-    expect_refused("observer", run + Arguments{option, events_}, "--replay", option);
-    expect_refused("observer", run + Arguments{option, beam_}, "SCENE", option);
-    expect_refused("observer", run + Arguments{"--key", key_, option, key_}, "--key", option);
-  }
-  expect_refused("observer", run + Arguments{"--predict", "1", "--predictions", events_},
-                 "--replay", "--predictions");
-  const std::string out = file("out.csv");
-  expect_refused("observer", run + Arguments{"--states", out, "--events", out}, "--states",
-                 "--events");
-  EXPECT_FALSE(std::filesystem::exists(out));
-  expect_refused("observer", {beam_, "--states", beam_}, "SCENE", "--states");
-}
-
-TEST_F(OverwriteTest, LoggerDoesNotOverwriteInputs) {
-  const std::string estimate = write_text(file("estimate.csv"), read_text(truth_));
-  const Arguments offline{beam_, "--truth", truth_, "--estimate", estimate};
-  expect_refused("sync_logger", offline + Arguments{"--csv", truth_}, "--truth", "--csv");
-  expect_refused("sync_logger", offline + Arguments{"--csv", estimate}, "--estimate", "--csv");
-  expect_refused("sync_logger", offline + Arguments{"--csv", beam_}, "SCENE", "--csv");
-  EXPECT_EQ(read_text(estimate), read_text(truth_));
-  const std::string out = file("out.csv");
-  expect_refused("sync_logger", {beam_, "--csv", out, "--record", out}, "--csv", "--record");
-  expect_refused("sync_logger", {beam_, "--record", key_, "--key", key_}, "--record", "--key");
-  // The logger also writes F_now.csv.
-  const std::string now = file("out_now.csv");
-  expect_refused("sync_logger", {beam_, "--csv", out, "--now", "--record", now}, "--now",
-                 "--record");
-  expect_refused("sync_logger", {beam_, "--csv", out, "--now", "--report", now}, "--now",
-                 "--report");
   EXPECT_FALSE(std::filesystem::exists(out));
   EXPECT_FALSE(std::filesystem::exists(now));
-}
-
-TEST_F(OverwriteTest, ToolsDoNotOverwriteInputs) {
-  expect_refused("check_scene", {beam_, "--report", beam_}, "SCENE", "--report");
-  expect_refused("diagnose", {events_, beam_, "--report", events_}, "LOG", "--report");
-  expect_refused("diagnose", {events_, beam_, "--report", beam_}, "SCENE", "--report");
-  expect_refused("identify", {events_, beam_, "--output", beam_}, "SCENE", "--output");
-  expect_refused("identify", {events_, beam_, "--output", events_}, "LOG", "--output");
-  const Arguments reduce{events_, beam_, "--modes", "2", "--output"};
-  expect_refused("reduce", reduce + Arguments{events_}, "EVENTS", "--output");
-  expect_refused("reduce", reduce + Arguments{beam_}, "SCENE", "--output");
-  expect_refused("reduce", {beam_, "--accuracy", "1e-3", "--output", beam_}, "SCENE", "--output");
-  expect_refused("import_events", {rig_, beam_, "--output", rig_}, "FILE", "--output");
-  expect_refused("import_events", {rig_, beam_, "--report", rig_}, "FILE", "--report");
-  const std::string out = file("out.csv");
-  expect_refused("import_events", {rig_, beam_, "--output", out, "--report", out}, "--output",
-                 "--report");
-  EXPECT_FALSE(std::filesystem::exists(out));
+  EXPECT_EQ(read_text(estimate), read_text(truth_));
 }
 
 // Matrix and vector files named in a scene are inputs, too.
@@ -116,21 +100,11 @@ TEST_F(OverwriteTest, FilesNamedInSceneAreInputs) {
   const std::string M = write_text(file("rig/M.csv"), mass);
   const std::string q = write_text(file("rig/q.csv"), start);
   const std::string text = R"(name = "rig.csv"
-[system]
-M = "M.csv"
-C = [[0.2, 0], [0, 0.1]]
-K = [[4, -1], [-1, 3]]
-[[force]]
-direction = [1, 0]
-amplitude = 3.0
-frequency = 1.5
-[[contact]]
-direction = [0, 1]
-clearance = 0.2
-[impact]
-restitution = 0.6
-[replica]
-q = "q.csv"
+system = { M = "M.csv", C = [[0.2, 0], [0, 0.1]], K = [[4, -1], [-1, 3]] }
+force = [{ direction = [1, 0], amplitude = 3, frequency = 1.5 }]
+contact = [{ direction = [0, 1], clearance = 0.2 }]
+impact = { restitution = 0.6 }
+replica = { q = "q.csv" }
 )";
   const std::string rig = write_text(file("rig/rig.toml"), text);
   std::filesystem::create_symlink("M.csv", file("rig/soft.csv"));
@@ -143,17 +117,11 @@ q = "q.csv"
     EXPECT_EQ(read_text(q), start);
   };
   const Arguments simulated{rig, "--no-lcm", "--speed", "max", "--duration", "1"};
-  for (const std::string& output : {M, q, file("rig/soft.csv"), file("hard.csv")}) {
-    for (const std::string option : {"--events", "--states", "--report"}) {
-      refused("master_sim", simulated + Arguments{option, output}, option);
-    }
+  for (const std::string& output : {q, file("rig/soft.csv"), file("hard.csv")}) {
+    refused("master_sim", simulated + Arguments{"--states", output}, "--states");
   }
-  for (const std::string option : {"--states", "--events", "--impacts", "--report"}) {
-    refused("observer", {rig, "--replay", log, option, M}, option);
-  }
+  refused("observer", {rig, "--replay", log, "--states", M}, "--states");
   refused("observer", {rig, "--states", M}, "--states");
-  refused("observer", {rig, "--predict", "1", "--estimator", "replica", "--report", M}, "--report");
-  refused("sync_logger", {rig, "--csv", M}, "--csv");
   refused("sync_logger", {rig, "--record", M}, "--record");
   refused("check_scene", {rig, "--report", M}, "--report");
   refused("diagnose", {log, rig, "--report", M}, "--report");

@@ -68,12 +68,6 @@ TEST_F(RecordingTest, ReplayReportDoesNotDependOnStatesFile) {
   }
 }
 
-TEST_F(RecordingTest, EventsWrittenByReplayEqualMasterEvents) {
-  const std::string events = simulate(beam_, "30", "0.1");
-  replay(beam_, events, {"--duration", "30", "--events", file("used.csv")});
-  EXPECT_EQ(text("used.csv"), read_text(events));
-}
-
 // An events file has no watermark: the time after its last event may lack events.
 TEST_F(RecordingTest, WarnsOfFreePredictionAfterLastEventOfFile) {
   const std::string events = write_text(file("few.csv"), "t,contact,closed\n1.5,1,1\n1.5,1,0\n");
@@ -86,24 +80,6 @@ TEST_F(RecordingTest, WarnsOfFreePredictionAfterLastEventOfFile) {
   EXPECT_EQ(json("report.json")["runs_free_from"], 1.5);
   EXPECT_EQ(replayed({}).err.find("runs free"), std::string::npos);
   EXPECT_FALSE(json("report.json").contains("runs_free_from"));
-}
-
-// With missing events sigma is infinite in the file, and readers of states skip these rows.
-TEST_F(RecordingTest, InfiniteSigmaIsWrittenAndSkippedByReaders) {
-  simulate(beam_, "40", "0.1");
-  const std::string all = text("events.csv");
-  const std::string events = write_text(file("cut.csv"), all.substr(0, all.find("\n20.")) + "\n");
-  const std::string states =
-      replay(beam_, events, {"--duration", "40", "--tick", "0.1", "--estimator", "timing"});
-  const std::string written = read_text(states);
-  EXPECT_NE(written.find(",inf,inf,inf,inf,inf,inf,inf,"), std::string::npos);
-  EXPECT_EQ(written.find("nan"), std::string::npos);
-  EXPECT_EQ(read_states_file(states).size(), 401U);
-  EXPECT_EQ(run("sync_logger", {beam_, "--truth", file("truth.csv"), "--estimate", states, "--csv",
-                                file("sync.csv")})
-                .code,
-            0);
-  EXPECT_EQ(read_sync(file("sync.csv")).size(), 401U);
 }
 
 /// A recording of a paced run with a pulse at each time, and stamps from 0 on.

@@ -114,9 +114,11 @@ class StrangerTest : public EndToEnd {
   std::string duration_;
 };
 
-TEST_F(StrangerTest, MalformedPacketsAndImpossibleMessagesAreCountedByCause) {
+TEST_F(StrangerTest, MalformedAndImpossibleMessagesAndASecondMasterAreCountedByCause) {
   start_programs("60", "15");
   wait_for_time(*master_, 10.0);
+  Process& second = start("master_sim", {scene("paper_beam_chatter"), "--speed", "5", "--tick",
+                                         "0.015625", "--duration", "8"});
   const auto contacts = [this](const std::function<void(contacts_t&)>& spoil) {
     contacts_t message = good_message(99);
     spoil(message);
@@ -145,19 +147,23 @@ TEST_F(StrangerTest, MalformedPacketsAndImpossibleMessagesAreCountedByCause) {
     stranger_.send(truth_channel, bytes);
     stranger_.send(settled_channel, std::span(bytes).first(20));
   }
+  EXPECT_EQ(end_of(second).code, 0);
+  const std::string said = observer_->err();
   expect_unharmed();
+  EXPECT_NE(said.find("a second master"), std::string::npos) << said;
   const nlohmann::json messages = json("o.json")["messages"];
   const nlohmann::json expected{{"foreign", 10},     {"fragment", 10},   {"no_channel", 10},
                                 {"truncated", 10},   {"wrong_type", 10}, {"bad_time", 30},
                                 {"bad_contact", 10}, {"bad_count", 30},  {"other_machine", 10},
                                 {"bad_speed", 10},   {"implausible", 10}};
   EXPECT_EQ(messages["refused"], expected);
-  EXPECT_EQ(messages["of_other_masters"], 10);
+  EXPECT_GT(messages["of_other_masters"], 110);
+  EXPECT_GT(json("sync.json")["of_other_masters"], 100);
   EXPECT_EQ(json("sync.json")["refused"]["wrong_type"], 20);
 }
 
 TEST_F(StrangerTest, FloodOfFiftyThousandPacketsPerSecondHasNoEffect) {
-  start_programs("90", "15");
+  start_programs("50", "15");
   // The observer follows the first session that it receives.
   ASSERT_TRUE(
       in_time([&] { return observer_->err().find("observing from") != std::string::npos; }));
@@ -166,7 +172,7 @@ TEST_F(StrangerTest, FloodOfFiftyThousandPacketsPerSecondHasNoEffect) {
   const std::string rubbish(100, 'x');
   const auto start = std::chrono::steady_clock::now();
   std::int64_t sent = 0;
-  for (; sent < 250'000; ++sent) {
+  for (; sent < 100'000; ++sent) {
     stranger_.send(sent % 2 == 0 ? rubbish : other);
     if (sent % 100 == 0) std::this_thread::sleep_until(start + sent * 20us);
   }
@@ -174,21 +180,8 @@ TEST_F(StrangerTest, FloodOfFiftyThousandPacketsPerSecondHasNoEffect) {
   std::cout << sent << " packets in " << seconds.count() << " s\n";
   expect_unharmed();
   const nlohmann::json messages = json("o.json")["messages"];
-  EXPECT_GT(messages["refused"]["foreign"], 10'000);
-  EXPECT_GT(messages["of_other_masters"], 10'000);
-}
-
-TEST_F(StrangerTest, OfTwoMastersTheFirstIsKeptAndTheSecondReported) {
-  start_programs("60", "15");
-  wait_for_time(*master_, 10.0);
-  Process& second = start("master_sim", {scene("paper_beam_chatter"), "--speed", "5", "--tick",
-                                         "0.015625", "--duration", "8"});
-  EXPECT_EQ(end_of(second).code, 0);
-  const std::string said = observer_->err();
-  expect_unharmed();
-  EXPECT_NE(said.find("a second master"), std::string::npos) << said;
-  EXPECT_GT(json("o.json")["messages"]["of_other_masters"], 100);
-  EXPECT_GT(json("sync.json")["of_other_masters"], 100);
+  EXPECT_GT(messages["refused"]["foreign"], 4'000);
+  EXPECT_GT(messages["of_other_masters"], 4'000);
 }
 
 class KeyTest : public StrangerTest {
@@ -223,28 +216,6 @@ TEST_F(KeyTest, WithKeyForeignAndRecordedMessagesAreRefused) {
   EXPECT_GT(messages["refused"]["unauthenticated"], 50);
   EXPECT_GT(messages["stale"], 20);
   EXPECT_GT(json("sync.json")["refused"]["unauthenticated"], 50);
-}
-
-TEST_F(KeyTest, RecordingIsReplayedOnlyWithItsKey) {
-  const Arguments key{"--key", key_file("key", 'a')};
-  const Arguments common{scene("paper_beam"), "--duration", "30"};
-  Process& logger = start_listening(
-      "sync_logger",
-      common + key + Arguments{"--csv", file("sync.csv"), "--record", file("run.lcmlog")});
-  Process& observer = start_listening("observer", common + key + Arguments{"--tick", "0.015625"});
-  Process& master = start_master(
-      common + key +
-      Arguments{"--tick", "0.015625", "--speed", "20", "--events", file("events.csv")});
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(observer).code, 0);
-  EXPECT_EQ(end_of(logger).code, 0);
-  const Arguments more{"--tick", "0.015625", "--duration", "30"};
-  const std::string expected = read_text(replay(scene("paper_beam"), file("events.csv"), more));
-  EXPECT_TRUE(expected == read_text(replay(scene("paper_beam"), file("run.lcmlog"), more + key)));
-  EXPECT_EQ(count_rows(replay(scene("paper_beam"), file("run.lcmlog"), more)), 0U);
-  EXPECT_EQ(count_rows(replay(scene("paper_beam"), file("run.lcmlog"),
-                              more + Arguments{"--key", key_file("no", 'b')})),
-            0U);
 }
 
 }  // namespace
