@@ -26,6 +26,10 @@ class DiagnoseProgramTest : public test::ProgramTest {
  protected:
   Ended diagnose(const Arguments& arguments) { return run(DIAGNOSE, arguments); }
 
+  static RecordedEvents read(const std::string& file, double end = 1e9) {
+    return read_recorded_events(file, 1, end, AfterLoss::dropped, std::nullopt);
+  }
+
   /// The events of the paper's beam with another restitution.
   std::string simulate(const std::string& restitution) {
     std::string text = read_text(paper_beam);
@@ -39,25 +43,7 @@ class DiagnoseProgramTest : public test::ProgramTest {
   }
 };
 
-TEST_F(DiagnoseProgramTest, IsIdentifyOneParameterAtATime) {
-  const std::string events = simulate("0.65");
-  const std::string keys = "impact.restitution,clock.offset";
-  const Ended ended = diagnose({events, paper_beam, "--free", keys, "--json"});
-  EXPECT_EQ(ended.code, 3) << ended.err;
-  const auto object = nlohmann::json::parse(ended.out);
-  ASSERT_EQ(object["parameters"].size(), 2U);
-  EXPECT_EQ(object["explanation"], "impact.restitution");
-  const Ended each = run(IDENTIFY, {events, paper_beam, "--each", "--free", keys, "--json"});
-  EXPECT_EQ(each.code, 3) << each.err;
-  EXPECT_EQ(each.out, ended.out);
-
-  const Ended unknown = diagnose({events, paper_beam, "--free", "mass"});
-  EXPECT_EQ(unknown.code, 2);
-  EXPECT_NE(unknown.err.find("mass"), std::string::npos) << unknown.err;
-  EXPECT_EQ(run(IDENTIFY, {events, paper_beam, "--each", "--accept"}).code, 2);
-}
-
-TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
+TEST_F(DiagnoseProgramTest, NamesWrongRestitutionAsIdentifyOneParameterAtATime) {
   const std::string events = simulate("0.65");
   const Ended ended = diagnose({events, paper_beam, "--report", path("report.json")});
   EXPECT_EQ(ended.code, 3) << ended.err;
@@ -69,44 +55,20 @@ TEST_F(DiagnoseProgramTest, NamesWrongRestitution) {
   EXPECT_EQ(report["explanation"], "impact.restitution");
   EXPECT_EQ(report["fits"], false);
   EXPECT_EQ(report["exit"], 3);
+  EXPECT_EQ(report["parameters"].size(), 9U);
+  EXPECT_NEAR(report["parameters"][0]["value"], 0.65, 1e-7);
 
-  const Ended json = diagnose({events, paper_beam, "--json"});
-  EXPECT_EQ(json.code, 3);
-  const auto object = nlohmann::json::parse(json.out);
-  EXPECT_EQ(object["parameters"][0]["parameter"], "impact.restitution");
-  EXPECT_NEAR(object["parameters"][0]["value"], 0.65, 1e-7);
-  EXPECT_EQ(object["parameters"].size(), 9U);
-
-  // The same from an LCM log.
-  std::string log = path("events.lcmlog");
-  write_contact_log(log,
-                    read_recorded_events(events, 1, 60.0, AfterLoss::dropped, std::nullopt).events,
-                    1, 60.0, std::nullopt);
-  EXPECT_EQ(diagnose({log, paper_beam}).out, ended.out);
-}
-
-TEST_F(DiagnoseProgramTest, TheRightModelFits) {
-  const std::string events = simulate("0.7");
-  const Ended ended = diagnose({events, paper_beam});
-  EXPECT_EQ(ended.code, 0) << ended.out;
-  EXPECT_NE(ended.out.find("paper_beam: events fit the model"), std::string::npos) << ended.out;
-  // Also with a jitter larger than that of the events, and with part of the events.
-  EXPECT_EQ(diagnose({events, paper_beam, "--jitter", "1e-4", "--duration", "30"}).code, 0);
-}
-
-TEST_F(DiagnoseProgramTest, DiagnosesImportedImpacts) {
-  std::string rig = "impact\n";
-  for (const ContactEvent& event :
-       read_recorded_events(simulate("0.65"), 1, 60.0, AfterLoss::dropped, std::nullopt).events) {
-    append_number(rig, event.t);
-    rig += '\n';
-  }
-  write_text(path("rig.csv"), rig);
-  ASSERT_EQ(run(IMPORT_EVENTS, {path("rig.csv"), paper_beam, "--output", path("events.csv")}).code,
-            0);
-  const Ended ended = diagnose({path("events.csv"), paper_beam});
-  EXPECT_EQ(ended.code, 3) << ended.err;
-  EXPECT_NE(ended.out.find("restitution 0.65 instead of 0.7"), std::string::npos) << ended.out;
+  // From an LCM log, with two parameters.
+  const std::string keys = "impact.restitution,clock.offset";
+  const std::string log = path("events.lcmlog");
+  write_contact_log(log, read(events, 60.0).events, 1, 60.0, std::nullopt);
+  const Ended of_log = diagnose({log, paper_beam, "--free", keys, "--json"});
+  EXPECT_EQ(of_log.code, 3);
+  const auto object = nlohmann::json::parse(of_log.out);
+  EXPECT_EQ(object["parameters"].size(), 2U);
+  EXPECT_EQ(object["parameters"][0], report["parameters"][0]);
+  EXPECT_EQ(run(IDENTIFY, {events, paper_beam, "--each", "--free", keys, "--json"}).out,
+            of_log.out);
 }
 
 TEST_F(DiagnoseProgramTest, BadUsageAndInputExitWithTwo) {
@@ -114,9 +76,12 @@ TEST_F(DiagnoseProgramTest, BadUsageAndInputExitWithTwo) {
   for (const Arguments& arguments :
        {Arguments{}, Arguments{events}, Arguments{path("absent.csv"), paper_beam},
         Arguments{events, path("absent.toml")}, Arguments{events, paper_beam, "--jitter", "-1"},
-        Arguments{events, paper_beam, "--duration", "0"}}) {
-    EXPECT_EQ(diagnose(arguments).code, 2);
+        Arguments{events, paper_beam, "--duration", "0"},
+        Arguments{events, paper_beam, "--free", "mass"}}) {
+    const Ended ended = diagnose(arguments);
+    EXPECT_EQ(ended.code, 2);
   }
+  EXPECT_EQ(run(IDENTIFY, {events, paper_beam, "--each", "--accept"}).code, 2);
 }
 
 TEST_F(DiagnoseProgramTest, DamageAndTooFewEventsFail) {
@@ -125,37 +90,43 @@ TEST_F(DiagnoseProgramTest, DamageAndTooFewEventsFail) {
   EXPECT_EQ(few.code, 1);
   EXPECT_NE(few.err.find("contacts close at"), std::string::npos) << few.err;
   write_text(path("cut.csv"), read_text(events) + "61.5,1");
-  const Ended cut = diagnose({path("cut.csv"), paper_beam});
+  // With a jitter larger than that of the events.
+  const Ended cut = diagnose({path("cut.csv"), paper_beam, "--jitter", "1e-4"});
   EXPECT_EQ(cut.code, 1);
   EXPECT_NE(cut.err.find("everything before is used"), std::string::npos) << cut.err;
   EXPECT_NE(cut.out.find("events fit the model"), std::string::npos) << cut.out;
 }
 
-TEST_F(DiagnoseProgramTest, EventsAfterGapAreNotUsed) {
+TEST_F(DiagnoseProgramTest, EventsAfterAGapOrBeforeALateBegin) {
   const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
-  write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
-  EXPECT_EQ(
-      read_recorded_events(path("whole.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt).events,
-      events);
-  EXPECT_EQ(read_recorded_events(path("whole.lcmlog"), 1, 20.0, AfterLoss::dropped, std::nullopt)
-                .events.back()
-                .t,
-            std::find_if(events.rbegin(), events.rend(), [](const ContactEvent& event) {
-              return event.t <= 20.0;
-            })->t);
-  ChannelLogReader whole(path("whole.lcmlog"));
-  ChannelLogWriter part(path("part.lcmlog"));
-  ChannelRecord record;
-  for (int i = 0; whole.next(record); ++i) {
-    if (i < 100 || i > 300) part.write(record.utime, record.channel, record.data);
-  }
-  ASSERT_TRUE(part.close());
-  const RecordedEvents before =
-      read_recorded_events(path("part.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
+  const std::string log = path("whole.lcmlog");
+  write_contact_log(log, events, 1, 400.0, std::nullopt);
+  EXPECT_EQ(read(log).events, events);
+  EXPECT_EQ(std::ranges::count_if(events, [](const ContactEvent& e) { return e.t <= 20.0; }),
+            std::ssize(read(log, 20.0).events));
+  const auto part = [&](auto keep) {
+    ChannelLogReader whole(log);
+    ChannelLogWriter writer(path("part.lcmlog"));
+    ChannelRecord record;
+    for (int i = 0; whole.next(record); ++i) {
+      if (keep(i)) writer.write(record.utime, record.channel, record.data);
+    }
+    EXPECT_TRUE(writer.close());
+    return read(path("part.lcmlog"));
+  };
+  const RecordedEvents before = part([](int i) { return i < 100 || i > 300; });
   ASSERT_FALSE(before.problems.empty());
   EXPECT_NE(before.problems[0].find("may be missing"), std::string::npos);
   EXPECT_NEAR(static_cast<double>(before.events.size()), 100.0, 1.0);
   EXPECT_TRUE(std::equal(before.events.begin(), before.events.end(), events.begin()));
+  // The recording starts long after the machine, on the machine's own clock.
+  const RecordedEvents later = part([](int i) { return i >= 200; });
+  EXPECT_GT(later.begins, 100.0);
+  ASSERT_EQ(later.problems.size(), 1U);
+  EXPECT_NE(later.problems[0].find("begins at t = "), std::string::npos) << later.problems[0];
+  EXPECT_TRUE(std::equal(later.events.rbegin(), later.events.rend(), events.rbegin()));
+  const Ended ended = diagnose({path("part.lcmlog"), paper_beam});
+  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
 }
 
 // Gaps of separate runs: in the first run, in the last run, and with a clock that is set back.
@@ -187,43 +158,20 @@ TEST_F(DiagnoseProgramTest, GapOfEarlierRunDoesNotAffectLastRun) {
       } while (builder.pending());
     }
   };
-  const auto read = [&](double lost_from_2, double turned_at) {
+  const auto events_with = [&](double lost_from_2, double turned_at) {
     ChannelLogWriter log(path("runs.lcmlog"));
     write(log, 7, 20.0, 120.0, 1e9, 0.0);
     write(log, 8, lost_from_2, lost_from_2 + 100.0, turned_at, 30.0);
     EXPECT_TRUE(log.close());
-    const RecordedEvents recorded =
-        read_recorded_events(path("runs.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
-    EXPECT_EQ(recorded.sessions, 2);
-    return recorded.events;
+    EXPECT_EQ(read(path("runs.lcmlog")).sessions, 2);
+    return read(path("runs.lcmlog")).events;
   };
-  EXPECT_EQ(read(1e9, 1e9), events);
-  for (const auto& part : {read(60.0, 1e9), read(1e9, 60.0)}) {
+  EXPECT_EQ(events_with(1e9, 1e9), events);
+  for (const auto& part : {events_with(60.0, 1e9), events_with(1e9, 60.0)}) {
     ASSERT_FALSE(part.empty());
     EXPECT_NEAR(part.back().t, 60.0, 2.0);
     EXPECT_TRUE(std::equal(part.begin(), part.end(), events.begin()));
   }
-}
-
-// The recording starts long after the machine, on the machine's own clock.
-TEST_F(DiagnoseProgramTest, DiagnosesRecordingThatStartsDuringRun) {
-  const auto events = test::events_of(test::shipped_scene("paper_beam"), 400.0);
-  write_contact_log(path("whole.lcmlog"), events, 1, 400.0, std::nullopt);
-  ChannelLogReader whole(path("whole.lcmlog"));
-  ChannelLogWriter part(path("part.lcmlog"));
-  ChannelRecord record;
-  for (int i = 0; whole.next(record); ++i) {
-    if (i >= 200) part.write(record.utime, record.channel, record.data);
-  }
-  ASSERT_TRUE(part.close());
-  const RecordedEvents later =
-      read_recorded_events(path("part.lcmlog"), 1, 1e9, AfterLoss::dropped, std::nullopt);
-  EXPECT_GT(later.begins, 100.0);
-  ASSERT_EQ(later.problems.size(), 1U);
-  EXPECT_NE(later.problems[0].find("begins at t = "), std::string::npos) << later.problems[0];
-  EXPECT_TRUE(std::equal(later.events.rbegin(), later.events.rend(), events.rbegin()));
-  const Ended ended = diagnose({path("part.lcmlog"), paper_beam});
-  EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ struct Mismatch {
   const char* parameter;
   double value;
   double duration;
-  double jitter = 1e-4;
+  double jitter = 0.0;
   bool usual = false;  // else in thorough runs alone
 };
 
@@ -55,17 +55,31 @@ std::ostream& operator<<(std::ostream& out, const Mismatch& mismatch) {
   return out << mismatch.scene << ": " << mismatch.parameter << ' ' << mismatch.value;
 }
 
+/// A shipped scene, or a mass between two stops.
+Scene named_scene(const std::string& name) {
+  if (name != "between_stops") return shipped_scene(name);
+  return parse_scene(R"(
+system = { M = [[1]], C = [[0.3]], K = [[40]] }
+force = [{ direction = [1], amplitude = 6, frequency = 7.3 }]
+impact = { law = "newton", restitution = 0.8 }
+contact = [{ direction = [1], clearance = 0.1 },
+           { direction = [-1], clearance = 0.08, restitution = 0.6 }]
+master = { q = [0.05] }
+replica = { q = [0] }
+)",
+                     name + ".toml");
+}
+
 class DiagnoseMismatch : public testing::TestWithParam<Mismatch> {};
 
 TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
   const Mismatch& mismatch = GetParam();
   if (!mismatch.usual && !thorough()) GTEST_SKIP() << "in thorough runs";
-  const Scene scene = shipped_scene(mismatch.scene);
+  const Scene scene = named_scene(mismatch.scene);
   const auto events =
       events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration);
   for (const double jitter : {0.0, mismatch.jitter}) {
-    // DiagnoseExactMismatch has exact times, too.
-    if (jitter == 0.0 && !thorough()) continue;
+    if (jitter != mismatch.jitter && !thorough()) continue;
     const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), {.jitter = jitter});
     const Candidate* best = diagnosis.explanation();
     std::cout << "seed 5, jitter " << jitter << ": " << verdict(diagnosis) << '\n';
@@ -74,65 +88,43 @@ TEST_P(DiagnoseMismatch, IsNamedWithItsValue) {
     EXPECT_EQ(best->parameter.key, mismatch.parameter);
     EXPECT_TRUE(diagnosis.ties().empty());
     EXPECT_TRUE(best->fits);
-    EXPECT_GT(best->explained, 0.9);
+    EXPECT_GT(best->explained, jitter == 0.0 ? 0.9999 : 0.9);
     EXPECT_NEAR(best->value, mismatch.value, 5.0 * best->deviation);
     EXPECT_LT(best->deviation, 0.1 * std::abs(mismatch.value - best->parameter.nominal));
     EXPECT_GT(diagnosis.misfit_before, 10.0);
     EXPECT_LT(best->misfit, 2.0);
+    if (jitter > 0.0) continue;
+    EXPECT_NEAR(best->value, mismatch.value, 1e-6 * std::abs(mismatch.value));
   }
 }
 
+// Chatter and several contacts have exact times. A gain of the swept beam's recorded acceleration
+// is not distinguished from the clearance.
 INSTANTIATE_TEST_SUITE_P(
     Scenes, DiagnoseMismatch,
     testing::Values(Mismatch{"paper_beam", "impact.restitution", 0.65, 60.0, 1e-4, true},
                     Mismatch{"paper_beam", "beam.damping", 0.2, 60.0, 1e-4, true},
-                    Mismatch{"paper_beam", "beam.bending_stiffness", 1.02, 60.0},
-                    Mismatch{"paper_beam", "contact.1.clearance", 0.003, 60.0},
-                    Mismatch{"paper_beam", "excitation.phase", 0.1, 60.0},
-                    Mismatch{"paper_beam_as_printed", "beam.damping", 0.15, 60.0},
+                    Mismatch{"paper_beam", "beam.bending_stiffness", 1.02, 60.0, 1e-4},
+                    Mismatch{"paper_beam", "contact.1.clearance", 0.003, 60.0, 1e-4},
+                    Mismatch{"paper_beam", "excitation.phase", 0.1, 60.0, 1e-4},
+                    Mismatch{"paper_beam_as_printed", "beam.damping", 0.15, 60.0, 1e-4},
                     Mismatch{"lab_rig", "system.C", 1.2, 30.0, 1e-6, true},
                     Mismatch{"lab_rig", "force.1.frequency", 28.6, 20.0, 1e-6},
-                    Mismatch{"paper_beam", "excitation.frequency", 9.0, 60.0},
-                    Mismatch{"paper_beam", "contact.1.position", 0.86, 60.0},
-                    Mismatch{"non_proportional", "system.K", 0.98, 60.0},
-                    Mismatch{"impact_oscillator", "impact.restitution", 0.65, 60.0, 1e-6, true}));
-
-// The beam of a shaker whose acceleration was recorded. A gain of the record is not distinguished
-// from the clearance.
-INSTANTIATE_TEST_SUITE_P(
-    Recorded, DiagnoseMismatch,
-    testing::Values(Mismatch{"swept_beam", "impact.restitution", 0.55, 1.2, 1e-6, true},
-                    Mismatch{"swept_beam", "beam.bending_stiffness", 0.36, 1.2, 1e-6},
-                    Mismatch{"swept_beam", "excitation.delay", 0.001, 1.2, 1e-6}));
-
-class DiagnoseExactMismatch : public testing::TestWithParam<Mismatch> {};
-
-// Chatter, and several contacts.
-TEST_P(DiagnoseExactMismatch, IsNamedWithItsValue) {
-  const Mismatch& mismatch = GetParam();
-  if (!mismatch.usual && !thorough()) GTEST_SKIP() << "in thorough runs";
-  const Scene scene = shipped_scene(mismatch.scene);
-  const Diagnosis diagnosis = diagnose(
-      scene, events_of(changed(scene, mismatch.parameter, mismatch.value), mismatch.duration),
-      {.jitter = 0.0});
-  const Candidate* best = diagnosis.explanation();
-  std::cout << verdict(diagnosis) << '\n';
-  ASSERT_NE(best, nullptr) << to_text(diagnosis);
-  EXPECT_EQ(best->parameter.key, mismatch.parameter);
-  EXPECT_TRUE(diagnosis.ties().empty());
-  EXPECT_NEAR(best->value, mismatch.value, 1e-6 * std::abs(mismatch.value));
-  EXPECT_GT(best->explained, 0.9999);
-}
-
-INSTANTIATE_TEST_SUITE_P(
-    Scenes, DiagnoseExactMismatch,
-    testing::Values(Mismatch{"paper_beam_chatter", "impact.restitution", 0.68, 30.0},
+                    Mismatch{"paper_beam", "excitation.frequency", 9.0, 60.0, 1e-4},
+                    Mismatch{"paper_beam", "contact.1.position", 0.86, 60.0, 1e-4},
+                    Mismatch{"non_proportional", "system.K", 0.98, 60.0, 1e-4},
+                    Mismatch{"impact_oscillator", "impact.restitution", 0.65, 60.0, 1e-6, true},
+                    Mismatch{"paper_beam_chatter", "impact.restitution", 0.68, 30.0},
                     Mismatch{"bouncing_ball", "impact.restitution", 0.88, 20.0, 0.0, true},
                     Mismatch{"steel_ruler", "impact.restitution", 0.55, 6.0},
                     Mismatch{"two_stops_beam", "excitation.amplitude", 0.031, 5.0},
                     Mismatch{"two_stops_beam", "contact.1.restitution", 0.65, 5.0},
+                    Mismatch{"between_stops", "contact.2.restitution", 0.57, 20.0, 0.0, true},
                     Mismatch{"two_stops_beam", "contact.2.clearance", 0.06, 5.0},
-                    Mismatch{"two_supports_beam", "impact.restitution", 0.45, 4.0, 0.0, true}));
+                    Mismatch{"two_supports_beam", "impact.restitution", 0.45, 4.0},
+                    Mismatch{"swept_beam", "impact.restitution", 0.55, 0.8, 1e-6, true},
+                    Mismatch{"swept_beam", "beam.bending_stiffness", 0.36, 1.2, 1e-6},
+                    Mismatch{"swept_beam", "excitation.delay", 0.001, 1.2, 1e-6}));
 
 TEST(Diagnose, TheRightModelFits) {
   constexpr std::array names{"paper_beam",        "paper_beam_chatter",    "bouncing_ball",
@@ -174,7 +166,7 @@ TEST(Diagnose, DeviationsAreCalibrated) {
   const Scene scene = shipped_scene("paper_beam");
   const auto right = events_of(scene, 40.0);
   const auto wrong = events_of(changed(scene, "impact.restitution", 0.69), 40.0);
-  const int runs = std::max(repetitions(8), 2);
+  const int runs = std::max(long_repetitions(16), 2);
   double squares = 0.0;
   for (int seed = 1; seed <= runs; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
@@ -212,10 +204,12 @@ void expect_no_explanation(const Diagnosis& diagnosis) {
 }
 
 TEST(Diagnose, TwoWrongParametersAreNotAttributedToOne) {
-  const Scene beam = shipped_scene("paper_beam");
-  const Scene wrong =
-      changed(changed(beam, "beam.bending_stiffness", 1.02), "excitation.phase", 0.3);
-  expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), {.jitter = 0.0}));
+  if (thorough()) {
+    const Scene beam = shipped_scene("paper_beam");
+    const Scene wrong =
+        changed(changed(beam, "beam.bending_stiffness", 1.02), "excitation.phase", 0.3);
+    expect_no_explanation(diagnose(beam, events_of(wrong, 60.0), {.jitter = 0.0}));
+  }
   // One of them alone leaves less than 1e-4 of the misfit, but more than the jitter.
   const Scene rig = shipped_scene("lab_rig");
   const Scene other =
@@ -238,33 +232,13 @@ TEST(Diagnose, TwoWrongParametersAreNotAttributedToOneWithJitter) {
 // A machine on an orbit with one impact per period. After the transient its events determine one
 // number only, so that many parameters come close, and the true one at two values.
 constexpr const char* settled_orbit = R"(
-name = "settled_orbit"
-[beam]
-modes = 5
-length = 1.0
-bending_stiffness = 0.6461816653805086
-mass_per_length = 1.0
-damping = 11.377758229643735
-[excitation]
-amplitude = 0.04841138718089531
-frequency = 22.946627513834514
-phase = 4.4723652397706
-[impact]
-restitution = 0.7
-[[contact]]
-position = 0.9600676422586978
-clearance = 0.02
-[[contact]]
-position = 0.721434037683393
-clearance = 0.02
-mount = "frame"
-[[contact]]
-position = 0.5647908513172377
-clearance = 0.02
-[[contact]]
-position = 0.6074686248650017
-clearance = 0.002
-mount = "frame"
+contact = [{ position = 0.9600676422586978, clearance = 0.02 },
+           { position = 0.721434037683393, clearance = 0.02, mount = "frame" },
+           { position = 0.5647908513172377, clearance = 0.02 },
+           { position = 0.6074686248650017, clearance = 0.002, mount = "frame" }]
+beam = { modes = 5, length = 1.0, bending_stiffness = 0.6461816653805086, mass_per_length = 1.0, damping = 11.377758229643735 }
+excitation = { amplitude = 0.04841138718089531, frequency = 22.946627513834514, phase = 4.4723652397706 }
+impact = { restitution = 0.7 }
 [master]
 q = [-0.10028524743060167, -0.005236184128049205, -0.0015217668341963879,
      -0.0001516231140873173, 0.0007855358535536457]
@@ -385,6 +359,7 @@ TEST(Diagnose, IndistinguishableParametersTie) {
   const Scene scene = shipped_scene("paper_beam_frame");
   const auto events = events_of(changed(scene, "excitation.amplitude", 0.031), 60.0);
   for (const double jitter : {0.0, 1e-5}) {
+    if (jitter == 0.0 && !thorough()) continue;
     const Diagnosis diagnosis = diagnose(scene, jittered(events, jitter, 5), {.jitter = jitter});
     const Candidate* best = diagnosis.explanation();
     ASSERT_NE(best, nullptr) << to_text(diagnosis);
@@ -400,37 +375,23 @@ TEST(Diagnose, IndistinguishableParametersTie) {
   }
 }
 
-constexpr const char* two_frequencies = R"(
-name = "two_frequencies"
-[system]
-M = [[1.0]]
-C = [[0.3]]
-K = [[40.0]]
-[[force]]
-direction = [1.0]
-amplitude = 2.0
-frequency = 9.0
-[[force]]
-direction = [1.0]
-amplitude = 1.5
-frequency = 4.1
-phase = 0.7
-[impact]
-restitution = 0.7
-[[contact]]
-direction = [1.0]
-clearance = 0.01
-[master]
-q = [0.1]
-[replica]
-q = [0.2]
-)";
-
-TEST(Diagnose, ClockOffsetIsFoundWithTwoFrequencies) {
-  const Scene scene = parse_scene(two_frequencies, "two_frequencies.toml");
+Diagnosis late_by_4_ms(const Scene& scene) {
   std::vector<ContactEvent> events = events_of(scene, 60.0);
   for (ContactEvent& event : events) event.t += 0.004;
-  const Diagnosis diagnosis = diagnose(scene, events, {.jitter = 0.0});
+  return diagnose(scene, events, {.jitter = 0.0});
+}
+
+TEST(Diagnose, ClockOffsetIsFoundWithTwoFrequencies) {
+  const Diagnosis diagnosis = late_by_4_ms(parse_scene(R"(
+system = { M = [[1.0]], C = [[0.3]], K = [[40.0]] }
+force = [{ direction = [1.0], amplitude = 2.0, frequency = 9.0 },
+         { direction = [1.0], amplitude = 1.5, frequency = 4.1, phase = 0.7 }]
+impact = { restitution = 0.7 }
+contact = [{ direction = [1.0], clearance = 0.01 }]
+master = { q = [0.1] }
+replica = { q = [0.2] }
+)",
+                                                       "two_frequencies.toml"));
   const Candidate* best = diagnosis.explanation();
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
   EXPECT_EQ(best->parameter.key, "clock.offset") << to_text(diagnosis);
@@ -440,10 +401,7 @@ TEST(Diagnose, ClockOffsetIsFoundWithTwoFrequencies) {
 }
 
 TEST(Diagnose, ClockOffsetIsReportedAsPhaseWithOneFrequency) {
-  const Scene scene = shipped_scene("paper_beam");
-  std::vector<ContactEvent> events = events_of(scene, 60.0);
-  for (ContactEvent& event : events) event.t += 0.004;
-  const Diagnosis diagnosis = diagnose(scene, events, {.jitter = 0.0});
+  const Diagnosis diagnosis = late_by_4_ms(shipped_scene("paper_beam"));
   const Candidate* best = diagnosis.explanation();
   ASSERT_NE(best, nullptr) << to_text(diagnosis);
   EXPECT_EQ(best->parameter.key, "excitation.phase");
@@ -455,35 +413,25 @@ TEST(Diagnose, ClockOffsetIsReportedAsPhaseWithOneFrequency) {
 /// Machines with their own times: a beam between stops, two carriages, a ball on a moving table.
 TEST(Diagnose, AFastContactClockIsNamed) {
   const Scene table = parse_scene(R"(
-[system]
-M = [[1.0]]
-C = [[0.05]]
-K = [[0.0]]
-[[force]]
-direction = [1.0]
-constant = -9.81
-[impact]
-restitution = 0.5
-[[contact]]
-direction = [1.0]
-motion = { amplitude = 0.03, frequency = 25.0 }
-[master]
-q = [0.1]
-[replica]
-q = [0.1]
+system = { M = [[1.0]], C = [[0.05]], K = [[0.0]] }
+force = [{ direction = [1.0], constant = -9.81 }]
+impact = { restitution = 0.5 }
+contact = [{ direction = [1.0], motion = { amplitude = 0.03, frequency = 25.0 } }]
+master = { q = [0.1] }
+replica = { q = [0.1] }
 )",
                                   "table.toml");
   const struct {
     Scene scene;
     double duration, jitter, rate;
     bool is_frequency = false;  // the frequency of the excitation explains the events as well
-  } cases[] = {{shipped_scene("paper_beam"), 60.0, 1e-4, 1.0002},
+  } cases[] = {{table, 12.0, 1e-5, 1.0005},
                {shipped_scene("paper_beam"), 60.0, 1e-4, 0.9998},
-               {table, 12.0, 1e-5, 1.0005},
+               {shipped_scene("paper_beam"), 60.0, 1e-4, 1.0002},
                // Its transients end after a second, and the rest is periodic.
                {shipped_scene("lab_rig"), 15.0, 1e-5, 1.0002, true},
                {shipped_scene("two_stops_beam"), 6.0, 1e-6, 1.0002}};
-  for (const auto& of : std::span(cases).first(thorough() ? std::size(cases) : 3)) {
+  for (const auto& of : std::span(cases).first(thorough() ? std::size(cases) : 2)) {
     std::vector<ContactEvent> events = events_of(of.scene, of.duration);
     for (ContactEvent& event : events) event.t *= of.rate;
     const Diagnosis diagnosis =

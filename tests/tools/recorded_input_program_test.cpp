@@ -1,15 +1,10 @@
 // The programs with a recorded input: from the shipped scene to estimates, and what they refuse.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string>
 #include <vector>
 
-#include "sprag/detail/files/states_file.h"
 #include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 
@@ -17,6 +12,7 @@ namespace sprag {
 namespace {
 
 using test::Arguments;
+using test::operator+;  // NOLINT(misc-unused-using-decls): used by operators
 using test::read_text;
 using test::write_text;
 
@@ -50,70 +46,35 @@ class RecordedInputPrograms : public test::ProgramTest {
   }
 };
 
-TEST_F(RecordedInputPrograms, TheShippedScenesStateIsReconstructed) {
-  simulate(scene_);
-  const Ended ended = run(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "6",
-                                     "--tick", "0.01", "--states", path("estimate.csv")});
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  const auto machine = read_text(path("machine.csv"));
-  const auto estimate = read_text(path("estimate.csv"));
-  const auto last_row = [](const std::string& text) {
-    return text.substr(text.find_last_of('\n', text.size() - 2) + 1);
-  };
-  // k, t, q1, ...: the first coordinate of both files.
-  const auto q1 = [&](const std::string& text) {
-    std::string row = last_row(text);
-    for (int i = 0; i < 2; ++i) row.erase(0, row.find(',') + 1);
-    return std::stod(row);
-  };
-  EXPECT_NEAR(q1(estimate), q1(machine), 1e-6 * std::max(1e-3, std::abs(q1(machine))));
-  EXPECT_GT(std::count(machine.begin(), machine.end(), '\n'), 600);
-}
-
 TEST_F(RecordedInputPrograms, AllOtherProgramsAcceptARecord) {
   simulate(scene_);
-  for (const char* estimator : {"replica", "timing", "both", "adaptive"}) {
-    const Ended ended = run(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "6",
-                                       "--tick", "0.01", "--estimator", estimator});
-    EXPECT_EQ(ended.code, 0) << estimator << ": " << ended.err;
+  const std::string uncertain =
+      write_text(path("uncertain.toml"),
+                 read_text(copy("")) + "[parameters]\nexcitation.delay = { sigma = 1e-4 }\n");
+  const Arguments how{"--replay", path("events.csv"), "--duration", "6", "--tick", "0.01"};
+  for (const Arguments& more :
+       {Arguments{scene_, "--estimator", "replica"}, Arguments{scene_, "--estimator", "adaptive"},
+        Arguments{uncertain}, Arguments{copy(""), "--smooth", "--states", path("s.csv")}}) {
+    const Ended ended = run(OBSERVER, more + how);
+    EXPECT_EQ(ended.code, 0) << ended.err;
   }
-  const Ended smooth = run(OBSERVER, {copy(""), "--replay", path("events.csv"), "--duration", "6",
-                                      "--tick", "0.01", "--smooth", "--states", path("s.csv")});
-  EXPECT_EQ(smooth.code, 0) << smooth.err;
-  const Ended check = run(CHECK_SCENE, {scene_});
-  EXPECT_NE(check.code, 2) << check.err;
+  EXPECT_NE(run(CHECK_SCENE, {scene_}).code, 2);
+  const Ended diagnosis = run(DIAGNOSE, {path("events.csv"), scene_, "--duration", "1"});
+  EXPECT_EQ(diagnosis.code, 0) << diagnosis.err;
+  EXPECT_NE(diagnosis.out.find("excitation.delay"), std::string::npos) << diagnosis.out;
 }
 
 TEST_F(RecordedInputPrograms, ARunBeyondTheRecordIsRefused) {
-  const std::string ends =
-      "the recorded input of swept_beam ends at t = 6; --duration must be at "
-      "most 6, or the table with the key `file` must have outside";
-  expect_refused(MASTER_SIM, {scene_, "--duration", "7", "--speed", "max", "--no-lcm"}, ends);
-  simulate(scene_);
-  expect_refused(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "7"}, ends);
-}
-
-// The parameters of [parameters] and [adapt] may be those of the record.
-TEST_F(RecordedInputPrograms, AFilterEstimatesParametersUnderARecord) {
-  simulate(copy(""));
-  const std::string keys =
-      "[parameters]\nimpact.restitution = { sigma = 0.002 }\nexcitation.delay = { sigma = 1e-4 }\n";
-  const std::string text = read_text(copy(""));
-  const std::string given = write_text(path("uncertain.toml"), text + keys);
-  const Ended ended = run(OBSERVER, {given, "--replay", path("events.csv"), "--duration", "6",
-                                     "--tick", "0.01", "--states", path("estimate.csv")});
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  const Scene scene = read_scene(given);
-  ASSERT_EQ(scene.prior.parameters.keys.size(), 2U);
-}
-
-TEST_F(RecordedInputPrograms, DiagnoseAcceptsARecord) {
-  simulate(scene_);
-  const Ended ended = run(DIAGNOSE, {path("events.csv"), scene_, "--duration", "2"});
-  EXPECT_EQ(ended.code, 0) << ended.err;
-  EXPECT_NE(ended.out.find("events fit the model"), std::string::npos) << ended.out;
-  EXPECT_NE(ended.out.find("excitation.delay"), std::string::npos) << ended.out;
-  EXPECT_EQ(ended.out.find("clock rate"), std::string::npos) << ended.out;
+  const std::string ends = "the recorded input of swept_beam ends";
+  const std::string most =
+      ends +
+      " at t = 6; --duration must be at most 6, or the table with the key `file` must have outside";
+  const Arguments how{"--duration", "7", "--speed", "max", "--no-lcm"};
+  expect_refused(MASTER_SIM, Arguments{scene_} + how, most);
+  const Arguments held{copy("outside = \"hold\""), "--events", path("events.csv")};
+  ASSERT_EQ(run(MASTER_SIM, held + how).code, 0);
+  expect_refused(OBSERVER, {scene_, "--replay", path("events.csv"), "--duration", "7"}, most);
+  expect_refused(IDENTIFY, {path("events.csv"), scene_}, ends);
 }
 
 TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
@@ -142,14 +103,6 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
                                         "--duration", "6", "--tick", "0.01"});
   EXPECT_EQ(observed.code, 0) << observed.err;
   EXPECT_NE(observed.err.find("excitation.delay"), std::string::npos) << observed.err;
-}
-
-TEST_F(RecordedInputPrograms, IdentifyRefusesEventsAfterTheRecord) {
-  const std::string held = copy("outside = \"hold\"");
-  const Ended ended = run(MASTER_SIM, {held, "--duration", "7", "--speed", "max", "--no-lcm",
-                                       "--events", path("events.csv")});
-  ASSERT_EQ(ended.code, 0) << ended.err;
-  expect_refused(IDENTIFY, {path("events.csv"), scene_}, "the recorded input of swept_beam ends");
 }
 
 }  // namespace

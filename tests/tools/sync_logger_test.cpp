@@ -1,21 +1,22 @@
 // Would catch rows paired from different instants, uncounted losses, and an incomplete recording
 // without a report.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
+#include <array>
 #include <chrono>
 #include <csignal>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
-#include <thread>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_messages.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/states_file.h"
+#include "sprag/scene_file.h"
+#include "tests/support/program_test.h"
 #include "tests/support/random.h"
-#include "tests/support/temporary_directory.h"
 #include "tests/support/udp_url.h"
 #include "tools/sync_logger/live.h"
 #include "tools/sync_logger/logger.h"
@@ -26,37 +27,19 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::read_text;
-using test::TemporaryDirectory;
+using test::operator+;  // NOLINT(misc-unused-using-decls): used by operators
 using test::write_text;
 
-/// Two coordinates, M = diag(1, 2), K = diag(3, 4): V = (u1^2 + 2 u2^2 + 3 q1^2 + 4 q2^2) / 2.
-Model two_masses() {
-  Model model;
-  model.M = Eigen::Vector2d(1, 2).asDiagonal();
-  model.C = Eigen::Matrix2d::Zero();
-  model.K = Eigen::Vector2d(3, 4).asDiagonal();
-  return model;
-}
-
+/// V = (u1^2 + 2 u2^2 + 3 q1^2 + 4 q2^2) / 2.
 constexpr const char* two_masses_scene = R"(
-name = "two_masses"
-[system]
-M = [[1.0, 0.0], [0.0, 2.0]]
-C = [[0.0, 0.0], [0.0, 0.0]]
-K = [[3.0, 0.0], [0.0, 4.0]]
-[impact]
-law = "poisson"
-restitution = 0.5
-[[contact]]
-direction = [1.0, 0.0]
-clearance = 100.0
-[master]
-q = [0.0, 0.0]
-u = [0.0, 0.0]
-[replica]
-q = [0.0, 0.0]
-u = [0.0, 0.0]
+system = { M = [[1, 0], [0, 2]], C = [[0, 0], [0, 0]], K = [[3, 0], [0, 4]] }
+impact = { restitution = 0.5 }
+contact = [{ direction = [1, 0], clearance = 100 }]
+master = {}
+replica = {}
 )";
+
+Model two_masses() { return parse_scene(two_masses_scene, "two_masses.toml").model; }
 
 template <class Message>
 Message message(std::int64_t tick, double t, double q1, std::int64_t session) {
@@ -217,69 +200,6 @@ TEST(PairingTest, FiguresReportLargestGrowthOfV) {
   EXPECT_EQ(pairing.figures().max_growth_t, 2.0);
 }
 
-/// A sync_logger process with its stderr in a pipe.
-class Process {
- public:
-  explicit Process(std::vector<std::string> arguments, bool without_network = false) {
-    arguments.insert(arguments.begin(), SYNC_LOGGER);
-    if (without_network) arguments.insert(arguments.begin(), {"unshare", "-rn"});
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    int ends[2];
-    if (::pipe(ends) != 0) throw std::runtime_error("pipe");
-    id_ = ::fork();
-    if (id_ == 0) {
-      ::dup2(ends[1], 2);
-      ::close(ends[0]);
-      ::close(ends[1]);
-      ::execvp(argv[0], argv.data());
-      ::_exit(127);
-    }
-    ::close(ends[1]);
-    errors_ = ends[0];
-  }
-  ~Process() {
-    if (!ended_) ::kill(id_, SIGKILL);
-    if (!ended_) ::waitpid(id_, nullptr, 0);
-    ::close(errors_);
-  }
-  Process(const Process&) = delete;
-  Process& operator=(const Process&) = delete;
-
-  /// Reads stderr until it holds `text`; false if it ends before.
-  bool says(const std::string& text) {
-    while (said_.find(text) == std::string::npos)
-      if (!read_some()) return false;
-    return true;
-  }
-
-  void signal(int number) const { ::kill(id_, number); }
-
-  int exit_code() {
-    while (read_some()) continue;
-    int status = 0;
-    ::waitpid(id_, &status, 0);
-    ended_ = true;
-    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  }
-
-  const std::string& said() const { return said_; }
-
- private:
-  bool read_some() {
-    char data[4096];
-    const ssize_t count = ::read(errors_, data, sizeof data);
-    if (count > 0) said_.append(data, static_cast<std::size_t>(count));
-    return count > 0;
-  }
-
-  pid_t id_ = -1;
-  int errors_ = -1;
-  bool ended_ = false;
-  std::string said_;
-};
-
 std::vector<std::vector<double>> read_rows(const std::filesystem::path& file) {
   std::istringstream lines(read_text(file));
   std::vector<std::vector<double>> rows;
@@ -296,13 +216,10 @@ std::vector<std::vector<double>> read_rows(const std::filesystem::path& file) {
   return rows;
 }
 
-class SyncLoggerTest : public testing::Test {
+class SyncLoggerTest : public test::ProgramTest {
  protected:
-  std::string path(const std::string& name) const { return (directory_ / name).string(); }
-
   nlohmann::json report() const { return nlohmann::json::parse(read_text(path("report.json"))); }
 
-  TemporaryDirectory directory_;
   std::string scene_ = write_text(directory_ / "scene.toml", two_masses_scene).string();
 };
 
@@ -315,18 +232,19 @@ class OfflineTest : public SyncLoggerTest {
     ASSERT_TRUE(writer.close());
   }
 
-  std::string run(int expected_code) const {
-    Process process({scene_, "--truth", path("truth.csv"), "--estimate", path("estimate.csv"),
-                     "--csv", path("sync.csv"), "--report", path("report.json")});
-    EXPECT_EQ(process.exit_code(), expected_code) << process.said();
-    return process.said();
+  std::string run_logger(int expected_code) {
+    const Ended ended =
+        run(SYNC_LOGGER, {scene_, "--truth", path("truth.csv"), "--estimate", path("estimate.csv"),
+                          "--csv", path("sync.csv"), "--report", path("report.json")});
+    EXPECT_EQ(ended.code, expected_code) << ended.err;
+    return ended.err;
   }
 };
 
 TEST_F(OfflineTest, PairsTwoFilesOfDifferentSteps) {
   write_states("truth.csv", 1000, 0.001, 2.0);
   write_states("estimate.csv", 100, 0.01, 0.0);
-  run(0);
+  run_logger(0);
   const auto rows = read_rows(path("sync.csv"));
   ASSERT_EQ(rows.size(), 101U);
   for (std::size_t k = 0; k < rows.size(); ++k)
@@ -341,7 +259,7 @@ TEST_F(OfflineTest, DamagedFileIsReadUpToTheDamage) {
   write_states("estimate.csv", 10, 0.1, 0.0);
   const std::string whole = read_text(path("estimate.csv"));
   write_text(path("estimate.csv"), whole.substr(0, whole.size() - 3));
-  const std::string said = run(1);
+  const std::string said = run_logger(1);
   EXPECT_NE(said.find("estimate.csv:12: truncated line"), std::string::npos) << said;
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
   EXPECT_EQ(report()["damage"].size(), 1U);
@@ -349,22 +267,35 @@ TEST_F(OfflineTest, DamagedFileIsReadUpToTheDamage) {
 
 TEST_F(OfflineTest, FilesThatDoNotFitAreBadInput) {
   write_states("truth.csv", 10, 0.1, 2.0);
-  EXPECT_NE(run(2).find("estimate.csv: No such file"), std::string::npos);
-  write_text(path("estimate.csv"), "k,t,q1,q2,u1,u2\n");
-  EXPECT_NE(run(2).find("no time is in both"), std::string::npos);
-  write_text(path("estimate.csv"), "k,t,x\n");
-  EXPECT_NE(run(2).find("header must be"), std::string::npos);
-  write_text(path("estimate.csv"), "k,t,q1,q2,q3,u1,u2,u3\n");
-  EXPECT_NE(run(2).find("has 3 coordinates; the scene has 2"), std::string::npos);
-  write_text(path("truth.csv"), "k,t,q1,u1\n");
-  EXPECT_NE(run(2).find("has 1 coordinates; the scene has 2"), std::string::npos);
+  EXPECT_NE(run_logger(2).find("estimate.csv: No such file"), std::string::npos);
+  for (const auto& [file, header, why] :
+       {std::array{"estimate.csv", "k,t,q1,q2,u1,u2\n", "no time is in both"},
+        std::array{"estimate.csv", "k,t,x\n", "header must be"},
+        std::array{"estimate.csv", "k,t,q1,q2,q3,u1,u2,u3\n", "has 3 coordinates; the scene has 2"},
+        std::array{"truth.csv", "k,t,q1,u1\n", "has 1 coordinates; the scene has 2"}}) {
+    write_text(path(file), header);
+    const std::string said = run_logger(2);
+    EXPECT_NE(said.find(why), std::string::npos) << said;
+  }
 }
 
 class LiveTest : public SyncLoggerTest {
  protected:
-  std::vector<std::string> arguments(std::vector<std::string> more) const {
-    more.insert(more.begin(), {scene_, "--url", url_, "--report", path("report.json")});
-    return more;
+  /// Starts a logger that writes sync.csv and returns once it listens.
+  void start(const test::Arguments& more, const std::string& of_url = "") {
+    process_.emplace(test::Arguments{SYNC_LOGGER, scene_, "--url", url_ + of_url, "--report",
+                                     path("report.json"), "--csv", path("sync.csv")} +
+                         more,
+                     directory_ / "", "logger");
+    EXPECT_TRUE(says("listening"));
+  }
+  bool says(const std::string& text) {
+    return test::eventually([&] { return process_->err().find(text) != std::string::npos; }, 60s);
+  }
+  /// The exit code, after a signal if one is given.
+  std::optional<int> end(int signal = 0) {
+    if (signal != 0) process_->signal(signal);
+    return process_->wait(60s);
   }
 
   void publish(const char* channel, std::span<const std::uint8_t> bytes) {
@@ -380,16 +311,16 @@ class LiveTest : public SyncLoggerTest {
     publish_estimate(settled_channel, estimate(k, 0.1 * k, 0.0, session));
   }
 
+  std::optional<test::Process> process_;
   std::string url_ = test::udp_url();
   Bus bus_{url_};
   std::vector<std::uint8_t> buffer_;
 };
 
 TEST_F(LiveTest, WritesRowsUntilTheDurationIsPaired) {
-  Process process(arguments({"--csv", path("sync.csv"), "--duration", "2"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--duration", "2"});
   for (int k = 0; k <= 25; ++k) publish_pair(k, 2.0);
-  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(end(), 0);
   const auto rows = read_rows(path("sync.csv"));
   ASSERT_EQ(rows.size(), 21U);
   for (std::size_t k = 0; k < rows.size(); ++k)
@@ -399,35 +330,20 @@ TEST_F(LiveTest, WritesRowsUntilTheDurationIsPaired) {
 }
 
 TEST_F(LiveTest, EndsWithoutLastMessage) {
-  Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--duration", "1"});
   for (int k = 0; k <= 9; ++k) publish_pair(k, 2.0);
   publish_truth(truth(10, 1.0));
-  EXPECT_EQ(process.exit_code(), 0);
-  EXPECT_NE(process.said().find("the last row did not come"), std::string::npos);
+  EXPECT_EQ(end(), 0);
+  EXPECT_TRUE(says("the last row did not come"));
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
 }
 
-TEST_F(LiveTest, SignalsEndItWithCompleteFiles) {
-  for (const int signal : {SIGINT, SIGTERM}) {
-    Process process(arguments({"--csv", path("sync.csv")}));
-    ASSERT_TRUE(process.says("listening"));
-    for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
-    ASSERT_TRUE(process.says("rows 5"));
-    process.signal(signal);
-    EXPECT_EQ(process.exit_code(), 0);
-    EXPECT_EQ(read_rows(path("sync.csv")).size(), 5U);
-    EXPECT_EQ(report()["rows"], 5);
-  }
-}
-
 TEST_F(LiveTest, RestartedMasterIsReportedAndItsRowsFollow) {
-  Process process(arguments({"--csv", path("sync.csv"), "--duration", "1"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--duration", "1"});
   for (int k = 0; k < 5; ++k) publish_pair(k, 2.0, 1);
   for (int k = 0; k <= 10; ++k) publish_pair(k, 4.0, 2);
-  EXPECT_EQ(process.exit_code(), 0);
-  EXPECT_NE(process.said().find("new session"), std::string::npos);
+  EXPECT_EQ(end(), 0);
+  EXPECT_TRUE(says("new session"));
   const auto rows = read_rows(path("sync.csv"));
   ASSERT_EQ(rows.size(), 16U);
   EXPECT_EQ(rows[4][2], 6.0);
@@ -437,15 +353,14 @@ TEST_F(LiveTest, RestartedMasterIsReportedAndItsRowsFollow) {
 
 TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
   EXPECT_EQ(now_file("runs/a.csv"), "runs/a_now.csv");
-  Process process(arguments({"--csv", path("sync.csv"), "--now", "--duration", "1"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--now", "--duration", "1"});
   for (int k = 0; k <= 10; ++k) {
     publish_estimate(estimate_channel, estimate(k, 0.1 * k, 7.0));
     // Corrected after a late event: the last estimate counts.
     publish_estimate(estimate_channel, estimate(k, 0.1 * k, 1.0));
     publish_pair(k, 2.0);
   }
-  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(end(), 0);
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 11U);
   const auto now = read_rows(path("sync_now.csv"));
   ASSERT_EQ(now.size(), 11U);
@@ -454,9 +369,7 @@ TEST_F(LiveTest, NowWritesTheProvisionalTicksNextToTheSettledOnes) {
 }
 
 TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
-  Process process(
-      arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv"), "--duration", "0.1"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--record", path("all.lcmlog"), "--duration", "0.1"});
   ContactMessage contacts;
   contacts.contacts = 1;
   std::vector<std::uint8_t> message;
@@ -467,7 +380,7 @@ TEST_F(LiveTest, RecordHoldsEveryChannelAsItArrived) {
   publish("ELSEWHERE", std::vector<std::uint8_t>{1, 2});
   publish_pair(0, 1.0);
   publish_pair(1, 1.0);
-  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(end(), 0);
   ChannelLogReader reader(path("all.lcmlog"));
   std::vector<std::string> channels;
   ChannelRecord record;
@@ -540,8 +453,7 @@ TEST(LossesTest, ForeignNumbersTakeNoMemoryAndDoNotOverflow) {
 
 TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
   for (const char* lost : {contacts_channel, settled_channel, truth_channel}) {
-    Process process(arguments({"--record", path("all.lcmlog"), "--csv", path("sync.csv")}));
-    ASSERT_TRUE(process.says("listening"));
+    start({"--record", path("all.lcmlog")});
     for (int k = 0; k < 10; ++k) {
       const auto is_there = [&](const char* channel) { return channel != lost || k < 4 || k > 6; };
       ContactMessage contacts;
@@ -554,12 +466,11 @@ TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
       if (is_there(truth_channel)) publish_truth(truth(k, 0.1 * k, 1.0));
       if (is_there(settled_channel)) publish_estimate(settled_channel, estimate(k, 0.1 * k));
     }
-    const std::string what = std::string("lost on the way here: 3 ") +
-                             (lost == contacts_channel ? "messages" : "ticks") + " of " + lost +
-                             "; " + path("all.lcmlog") + " is not complete\n";
-    ASSERT_TRUE(process.says(what)) << process.said();
-    process.signal(SIGTERM);
-    EXPECT_EQ(process.exit_code(), 1) << process.said();
+    EXPECT_TRUE(says(std::string("lost on the way here: 3 ") +
+                     (lost == contacts_channel ? "messages" : "ticks") + " of " + lost + "; " +
+                     path("all.lcmlog") + " is not complete\n"))
+        << process_->err();
+    EXPECT_EQ(end(SIGTERM), 1);
     EXPECT_EQ(report()["lost"][lost], 3);
   }
 }
@@ -567,15 +478,12 @@ TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
 // A buffer far too small, and a logger that does not read. Message numbers do not show losses after
 // the last received message, but the kernel's counter does.
 TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
-  Process process({scene_, "--url", url_ + "&recv_buf_size=20000", "--record", path("all.lcmlog"),
-                   "--csv", path("sync.csv"), "--report", path("report.json")});
-  ASSERT_TRUE(process.says("listening"));
-  process.signal(SIGSTOP);
+  start({"--record", path("all.lcmlog")}, "&recv_buf_size=20000");
+  process_->signal(SIGSTOP);
   for (int i = 0; i < 500; ++i) publish("SPRAG_OTHER", std::vector<std::uint8_t>(1000));
-  process.signal(SIGCONT);
-  ASSERT_TRUE(process.says("packets at a full receive buffer; " + path("all.lcmlog")));
-  process.signal(SIGTERM);
-  EXPECT_EQ(process.exit_code(), 1) << process.said();
+  process_->signal(SIGCONT);
+  EXPECT_TRUE(says("packets at a full receive buffer; " + path("all.lcmlog")));
+  EXPECT_EQ(end(SIGTERM), 1) << process_->err();
   ChannelLogReader reader(path("all.lcmlog"));
   ChannelRecord record;
   std::int64_t recorded = 0;
@@ -585,17 +493,17 @@ TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
 }
 
 TEST_F(LiveTest, RecordOnFullDiskIsReportedAtOnceAndFails) {
-  Process process(arguments({"--record", "/dev/full", "--csv", path("sync.csv")}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--record", "/dev/full"});
   for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
-  ASSERT_TRUE(process.says("/dev/full: No space left on device: nothing more is written to it"));
-  process.signal(SIGTERM);
-  EXPECT_EQ(process.exit_code(), 1) << process.said();
+  EXPECT_TRUE(says("/dev/full: No space left on device: nothing more is written to it"));
+  EXPECT_EQ(end(SIGTERM), 1);
+  // The rows are complete.
+  EXPECT_EQ(read_rows(path("sync.csv")).size(), 5U);
+  EXPECT_EQ(report()["rows"], 5);
 }
 
 TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
-  Process process(arguments({"--csv", path("sync.csv"), "--duration", "0.1"}));
-  ASSERT_TRUE(process.says("listening"));
+  start({"--duration", "0.1"});
   publish(truth_channel, std::vector<std::uint8_t>{1, 2, 3});
   publish(settled_channel, std::vector<std::uint8_t>(500));
   publish_truth(truth(0, -1.0));
@@ -606,18 +514,17 @@ TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
   publish_truth(larger);
   publish_pair(0, 1.0);
   publish_pair(1, 1.0);
-  EXPECT_EQ(process.exit_code(), 0);
+  EXPECT_EQ(end(), 0);
   const auto figures = report();
   EXPECT_EQ(figures["refused"],
             nlohmann::json::parse(R"({"truncated": 1, "wrong_type": 1, "bad_time": 1})"));
   EXPECT_EQ(figures["ignored"]["wrong_truth_size"], 2);
   EXPECT_EQ(figures["rows"], 2);
-  EXPECT_NE(process.said().find("the master has 3 coordinates, the scene has 2"),
-            std::string::npos);
+  EXPECT_TRUE(says("the master has 3 coordinates, the scene has 2"));
 }
 
 TEST_F(SyncLoggerTest, BadUsageAndInputExitWithTwo) {
-  for (const std::vector<std::string>& bad : std::vector<std::vector<std::string>>{
+  for (const test::Arguments& bad : std::vector<test::Arguments>{
            {},
            {path("absent.toml")},
            {scene_, "--duration", "0"},
@@ -626,9 +533,9 @@ TEST_F(SyncLoggerTest, BadUsageAndInputExitWithTwo) {
            {scene_, "--estimate", "a.csv"},
            {scene_, "--truth", "a", "--estimate", "b"},
            {scene_, "--truth", "a", "--estimate", "b", "--csv", "c", "--record", "d"}}) {
-    Process process(bad);
-    EXPECT_EQ(process.exit_code(), 2) << process.said();
-    EXPECT_FALSE(process.said().empty());
+    const Ended ended = run(SYNC_LOGGER, bad);
+    EXPECT_EQ(ended.code, 2) << ended.err;
+    EXPECT_FALSE(ended.err.empty());
   }
 }
 
