@@ -256,7 +256,11 @@ class _Ink:
 
     def sums(self) -> Numbers:
         """Sum of the ink left of and below each corner of a pixel."""
-        return np.pad(np.cumsum(np.cumsum(self.count, axis=0), axis=1), ((1, 0), (1, 0)))
+        total = np.zeros((self.height + 1, self.width + 1))
+        inner = total[1:, 1:]
+        np.cumsum(self.count, axis=0, out=inner)
+        np.cumsum(inner, axis=1, out=inner)
+        return total
 
 
 def _name(axes: Axes, line: Line2D, ink: _Ink) -> list[Any]:

@@ -468,7 +468,7 @@ def figure_of(
                 ax.tick_params(labelbottom=panel is column[-1])
                 axes.append((panel, ax))
             ax.set_xlabel("time t [s]")
-        figure.canvas.draw()
+        figure.draw_without_rendering()
         for panel, ax in axes:
             if panel.named_lines:
                 name_lines(ax)

@@ -204,7 +204,7 @@ class _Picture:
                 self._median_and_band(axes, name)
         _set_scale(panels[-1].xaxis, self._values(self.keys[0]))
         panels[-1].set_xlabel(_title(self.keys[0]))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
         for axes in panels:
             name_lines(axes)
         figure.set_layout_engine("none")
@@ -241,7 +241,7 @@ class _Picture:
             shown += values
         if _is_wide(np.concatenate(shown)):
             axes.set_yscale("log")
-            axes.figure.canvas.draw()
+            axes.figure.draw_without_rendering()
             logarithmic_ticks(axes.yaxis, *axes.get_ylim())
 
     # --- over two keys ---
@@ -270,7 +270,7 @@ class _Picture:
             axes.set_ylabel(_title(self.keys[1]))
         _set_scale(panels[0, 0].xaxis, self._values(self.keys[0]))
         _set_scale(panels[0, 0].yaxis, self._values(self.keys[1]))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
         figure.set_layout_engine("none")
         return figure
 

@@ -144,7 +144,7 @@ def correlation_picture(names: list[str], values: npt.NDArray[np.float64]) -> Pi
             colour = "white" if abs(value) > 0.6 else "black"
             text = f"{value:.2f}" if np.isfinite(value) else ""
             axes.text(column, row, text, ha="center", va="center", fontsize=6, color=colour)
-        axes.figure.canvas.draw()  # with equal scales the layout takes two passes
+        axes.figure.draw_without_rendering()  # with equal scales the layout takes two passes
     caption = "Correlations of the determined parameters. Near ±1 only a combination of the two is "
     return picture_of(axes.figure, f"{caption}known well.")
 
