@@ -116,7 +116,7 @@ def interval_picture(intervals: list[Interval]) -> Picture:
             x = min(max(one.value, -limit), limit)
             side, offset = ("left", 3) if x < 0.3 * limit else ("right", -3)
             place = {"xytext": (offset, 3), "textcoords": "offset points", "ha": side}
-            axes.annotate(legible(one.text), (x, row), fontsize=7, **place)
+            axes.annotate(_cut(one.text), (x, row), fontsize=7, **place)
         axes.set_yticks(range(len(intervals)), [_cut(one.name) for one in intervals])
         axes.locator_params(axis="x", nbins=5)
         axes.grid(False)
