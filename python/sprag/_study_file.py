@@ -21,6 +21,7 @@ from ._errors import Error, InputError, SceneError
 
 MOST_RUNS = 9e15  # in all, so that every index is a double
 MOST_POINTS = 10_000_000  # of an axis
+LARGEST = 1 << 27  # bytes of a study file, which may list the points of an axis
 ESTIMATORS = ["replica", "timing", "both", "adaptive"]
 OF_ERRORS = ["V_floor", "V_max", "rate", "time_below"]
 OF_FILTERS = ["nees", "beyond_3_sigma", "trusted"]
@@ -596,7 +597,7 @@ def _found(given: str) -> str:
 
 def _contents(file: str | os.PathLike[str]) -> str:
     try:
-        return _core._read_whole(file).decode()
+        return _core._read_whole(file, LARGEST).decode()
     except UnicodeDecodeError as error:
         raise InputError(f"{os.fspath(file)}: {error}") from None
 

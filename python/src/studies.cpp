@@ -255,8 +255,11 @@ void bind_studies(py::module_& module) {
              "A text as nodes: value, line, column, line and column of the key, whether it is an "
              "inline table.");
   module.def(
-      "_read_whole", [](const std::filesystem::path& file) { return py::bytes(read_whole(file)); },
-      "file"_a);
+      "_read_whole",
+      [](const std::filesystem::path& file, std::size_t most) {
+        return py::bytes(read_whole(file, most));
+      },
+      "file"_a, "most"_a = largest_text);
   module.def("_read_study_scene", &read_study_scene, "file"_a,
              "A scene, its remarks, and the files that it names.");
   module.def(
