@@ -7,13 +7,14 @@ import json
 import os
 import re
 import subprocess
-import sys
-import tempfile
 import unittest
+import unittest.mock
 from pathlib import Path
 
-BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
-SCENES = Path(os.environ["SPRAG_SOURCE_DIR"]) / "scenes"
+from sprag.importing import program
+from support import SOURCE, FolderTest
+
+SCENES = SOURCE / "scenes"
 BEAM = str(SCENES / "paper_beam.toml")
 COMPILED = importlib.util.find_spec("sprag._core") is not None
 HEAD = "t,contact,closed\n"
@@ -27,22 +28,14 @@ def in_milliseconds(t: str, offset: int, mark: str) -> str:
     return f"{whole}{digits[point + 1 : point + 4]}{mark}{digits[point + 4 :]}"
 
 
-class ProgramTest(unittest.TestCase):
-    def setUp(self) -> None:
-        self.temporary = tempfile.TemporaryDirectory()
-        self.folder = Path(self.temporary.name)
-        self.addCleanup(self.temporary.cleanup)
+class ProgramTest(FolderTest):
+    """The program within this process; Program.import_events starts it as a user does."""
 
-    def file(self, name: str, text: str | None = None) -> str:
-        if text is not None:
-            (self.folder / name).write_text(text)
-        return str(self.folder / name)
-
-    def run_import(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [str(BUILD / "tools/import_events"), "--report", self.file("report.json")]
-        return subprocess.run(
-            [*command, *arguments], capture_output=True, text=True, cwd=self.folder
-        )
+    def run_import(
+        self, *arguments: str, code: int | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        report = ("--report", self.path("report.json"))
+        return self.run_main(program.main, *report, *arguments, code=code)
 
     def report(self) -> dict:
         return json.loads((self.folder / "report.json").read_text())
@@ -51,7 +44,7 @@ class ProgramTest(unittest.TestCase):
         """Rows of the master's events, also in original.csv."""
         subprocess.run(
             [os.environ["MASTER_SIM"], str(SCENES / f"{scene}.toml"), "--duration", duration,
-             "--speed", "max", "--no-lcm", "--events", self.file("original.csv")],
+             "--speed", "max", "--no-lcm", "--events", self.path("original.csv")],
             check=True, capture_output=True,
         )  # fmt: skip
         lines = (self.folder / "original.csv").read_text().split()
@@ -60,8 +53,8 @@ class ProgramTest(unittest.TestCase):
     def replay(self, scene: str, recording: str, *more: str) -> bytes:
         subprocess.run(
             [os.environ["OBSERVER"], str(SCENES / f"{scene}.toml"), "--replay", recording,
-             "--tick", "0.01", "--states", self.file("states.csv"), "--events",
-             self.file("used.csv"), *more],
+             "--tick", "0.01", "--states", self.path("states.csv"), "--events",
+             self.path("used.csv"), *more],
             check=True, capture_output=True,
         )  # fmt: skip
         return (self.folder / "states.csv").read_bytes()
@@ -85,10 +78,9 @@ class ProgramTest(unittest.TestCase):
         self.assertIn("times in ms, as column 'Impact [ms]' says", done.stderr)
         self.assertEqual(self.report()["contacts"][0]["pulses"], len(pulses))
         if COMPILED:
-            done = self.run_import(*arguments, "--output", self.file("rig.lcmlog"))
-            self.assertEqual(done.returncode, 0, done.stderr)
+            done = self.run_import(*arguments, "--output", self.path("rig.lcmlog"), code=0)
             states = self.replay("paper_beam", self.file("events.csv", expected))
-            self.assertEqual(self.replay("paper_beam", self.file("rig.lcmlog")), states)
+            self.assertEqual(self.replay("paper_beam", self.path("rig.lcmlog")), states)
             self.assertEqual((self.folder / "used.csv").read_text(), expected)
 
     @unittest.skipUnless(COMPILED, "no _core")
@@ -108,7 +100,7 @@ class ProgramTest(unittest.TestCase):
     @unittest.skipUnless(COMPILED, "no _core")
     def test_a_signed_log_is_read_only_with_the_key(self) -> None:
         key = self.file("key", "a" * 64 + "\n")
-        log = self.file("rig.lcmlog")
+        log = self.path("rig.lcmlog")
         done = self.run_import(
             self.file("rig.csv", "t\n0.5\n1\n"), BEAM, "--key", key, "--output", log
         )
@@ -127,8 +119,7 @@ class ProgramTest(unittest.TestCase):
             for edge in range(6)
         )
         file = self.file("capture.csv", capture)
-        done = self.run_import(file, BEAM, "--level", "level")
-        self.assertEqual(done.returncode, 2)
+        done = self.run_import(file, BEAM, "--level", "level", code=2)
         self.assertIn("--columns NAME,...", done.stderr)
         arguments = ("--columns", "time,level", file, BEAM, "--level", "level")
         done = self.run_import(*arguments)
@@ -142,18 +133,16 @@ class ProgramTest(unittest.TestCase):
     def test_bad_rows_are_named_and_left_out(self) -> None:
         text = "t\n0.5\n" + "x\n1.5\n" * 25 + "1.75\n1.8\n"
         text = text.replace("1.5\n", "{:.2f}\n").format(*(1 + 0.01 * k for k in range(25)))
-        done = self.run_import(self.file("rig.csv", text), BEAM)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = self.run_import(self.file("rig.csv", text), BEAM, code=0)
         self.assertEqual(done.stdout.count(",1,1\n"), 28)
         self.assertIn("rig.csv:3: column t: x is neither a finite number nor a time", done.stderr)
         self.assertIn("rig.csv: 5 more bad rows left out", done.stderr)
         self.assertEqual(self.report()["bad_rows"], 25)
 
     def test_no_event_is_a_failure_without_output(self) -> None:
-        output = self.file("events.csv")
+        output = self.path("events.csv")
         rig = self.file("rig.csv", "t\n1\n2\nx\n")
-        done = self.run_import(rig, BEAM, "--offset", "5", "--output", output)
-        self.assertEqual(done.returncode, 1)
+        done = self.run_import(rig, BEAM, "--offset", "5", "--output", output, code=1)
         self.assertIn("no event is left", done.stderr)
         self.assertFalse(Path(output).exists())
         self.assertEqual(self.report()["before_start"], 2)
@@ -168,7 +157,7 @@ class ProgramTest(unittest.TestCase):
         fast = self.file("fast.toml", Path(BEAM).read_text() + "\n[clock]\nrate = 1.0002\n")
         named = (rig, BEAM, "--impacts", "impact")
         for arguments, said in [
-            ((), "FILE"), ((rig,), "SCENE is required"), ((self.file("no"), BEAM), "No such file"),
+            ((), "FILE"), ((rig,), "SCENE is required"), ((self.path("no"), BEAM), "No such file"),
             ((str(self.folder), BEAM), "Is a directory"), ((rig, "absent.toml"), "absent.toml"),
             ((rig, BEAM), "name the columns with --impacts"), ((rig, rig), "is no TOML"),
             ((rig, BEAM, "--impacts", "impcat"), "did you mean 'impact'?"),
@@ -187,28 +176,23 @@ class ProgramTest(unittest.TestCase):
             ((rig, BEAM, "--record", "on"), "--record needs no SCENE"),
         ]:  # fmt: skip
             with self.subTest(said):
-                done = self.run_import(*arguments)
-                self.assertEqual(done.returncode, 2, done.stderr)
-                self.assertIn(said, done.stderr)
+                self.assertIn(said, self.run_import(*arguments, code=2).stderr)
         self.assertEqual(Path(rig).read_text(), "impact,on,off\n1,2,3\n")
 
     def test_an_output_that_cannot_be_written_fails(self) -> None:
         rig = self.file("rig.csv", "t\n1\n")
-        done = self.run_import(rig, BEAM, "--output", "/nowhere/events.csv")
-        self.assertEqual(done.returncode, 1)
+        done = self.run_import(rig, BEAM, "--output", "/nowhere/events.csv", code=1)
         self.assertIn("/nowhere/events.csv", done.stderr)
 
     def test_a_signal_becomes_a_record(self) -> None:
         text = "Zeit [ms];a [g]\n0,0;1,0\n2,0;2,5\n4,0;1,0\n6,0;0,0\n"
-        output = self.file("base.csv")
+        output = self.path("base.csv")
         file = self.file("rig.csv", text)
-        done = self.run_import(file, "--record", "a [g]", "--output", output)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        done = self.run_import(file, "--record", "a [g]", "--output", output, code=0)
         record = "t [s],a [g]\n0,1\n0.002,2.5\n0.0040000000000000001,1\n0.0060000000000000001,0\n"
         self.assertEqual(Path(output).read_text(), record)
         gap = self.file("gap.csv", text.replace("2,5", ""))
-        done = self.run_import(gap, "--record", "a [g]")
-        self.assertEqual(done.returncode, 2)
+        done = self.run_import(gap, "--record", "a [g]", code=2)
         self.assertIn("gap.csv:3: a sample has no value", done.stderr)
 
     def test_a_scene_names_the_command_that_converts_its_record(self) -> None:
@@ -228,22 +212,15 @@ class ProgramTest(unittest.TestCase):
         )
         self.assertTrue(advice, refused.stderr)
         arguments = advice[1].replace("NAME", "acceleration").split()
-        done = self.run_import(*arguments)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.run_import(*arguments, code=0)
         self.file("rig.toml", scene.replace("base.txt", "RECORD.csv"))
         accepted = subprocess.run(command, capture_output=True, text=True, cwd=self.folder)
         self.assertEqual(accepted.returncode, 0, accepted.stderr)
 
     def test_a_missing_compiled_part_is_named(self) -> None:
-        code = (
-            "import sys; sys.modules['sprag._core'] = None\n"
-            "from sprag.importing import program\n"
-            "sys.exit(program.main())"
-        )
         capture = self.file("capture.csv", "Time [s],D0\n0,0\n1,1\n2,0\n")
-        command = [sys.executable, "-c", code, capture, BEAM, "--level", "D0"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        self.assertEqual(done.returncode, 1, done.stderr)
+        with unittest.mock.patch.dict("sys.modules", {"sprag._core": None}):
+            done = self.run_import(capture, BEAM, "--level", "D0", code=1)
         self.assertIn("install python3-sprag", done.stderr)
 
 

@@ -9,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 import unittest.mock
@@ -20,7 +19,7 @@ import numpy as np
 
 import sprag
 from sprag import study as studies
-from support import BUILD, SOURCE
+from support import BUILD, SOURCE, FolderTest
 
 PROGRAM = BUILD / "tools/study"
 MPIRUN = shutil.which("mpirun")
@@ -30,18 +29,17 @@ def has(module):
     return importlib.util.find_spec(module) is not None
 
 
-class StudyTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.path = Path(folder.name)
-        self.environment = dict(
-            os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1"
-        )
+class StudyTest(FolderTest):
+    references: dict[int, str] = {}
+    environment = {
+        **os.environ,
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    }
 
     def study(self, runs, name="study"):
         """A study of 12 * runs runs."""
-        file = self.path / f"{name}.toml"
+        file = self.folder / f"{name}.toml"
         file.write_text(
             f"""
 scene = "{SOURCE}/scenes/lab_rig.toml"
@@ -63,32 +61,37 @@ disturbance.lost = {{ linear = [0.0, 0.1], random = true }}
         return file
 
     def command(self, file, folder, *more):
-        return [PROGRAM, file, "--output", self.path / folder, *more]
+        """The program as a process, which the test interrupts."""
+        return [PROGRAM, file, "--output", self.folder / folder, *more]
 
     def run_program(self, command, code=0):
         done = subprocess.run(
-            command, capture_output=True, text=True, cwd=self.path, env=self.environment
+            command, capture_output=True, text=True, cwd=self.folder, env=self.environment
         )
         self.assertEqual(done.returncode, code, done.stderr)
-        return done
+
+    def run_study(self, file, folder, *more, code=0):
+        """The program within this process."""
+        return self.run_main(studies.main, file, "--output", folder, *more, code=code)
 
     def rows(self, folder):
-        return (self.path / folder / "rows.csv").read_text()
+        return (self.folder / folder / "rows.csv").read_text()
 
-    def reference(self, file):
-        """The rows of one thread."""
-        if not (self.path / "reference/rows.csv").exists():
-            self.run_program(self.command(file, "reference", "--jobs", "1"))
-        return self.rows("reference")
+    def reference(self, runs):
+        """The rows of one thread of study(runs)."""
+        if runs not in self.references:
+            self.run_study(self.study(runs, "reference"), "reference", "--jobs", "1")
+            self.references[runs] = self.rows("reference")
+        return self.references[runs]
 
     def rows_so_far(self, folder):
-        file = self.path / folder / "rows.part.csv"
+        file = self.folder / folder / "rows.part.csv"
         return file.read_text().count("\n") if file.exists() else 0
 
     def break_off(self, command, folder, rows, end):
         """Starts the command and ends it as soon as there are more than `rows` rows."""
         process = subprocess.Popen(
-            command, stderr=subprocess.PIPE, text=True, cwd=self.path, env=self.environment
+            command, stderr=subprocess.PIPE, text=True, cwd=self.folder, env=self.environment
         )
         while self.rows_so_far(folder) <= rows:
             self.assertIsNone(process.poll(), "it ended before")
@@ -96,29 +99,29 @@ disturbance.lost = {{ linear = [0.0, 0.1], random = true }}
         end(process)
         _, error = process.communicate(timeout=60)
         self.assertNotEqual(process.returncode, 0)
-        self.assertFalse((self.path / folder / "rows.csv").exists())
+        self.assertFalse((self.folder / folder / "rows.csv").exists())
         return error
 
 
 class ExecutorsTest(StudyTest):
     def test_rows_do_not_depend_on_the_executor(self):
         file = self.study(5)
-        expected = self.reference(file)
+        expected = self.reference(5)
         self.assertEqual(expected.count("\n"), 61)
-        self.run_program(self.command(file, "three", "--jobs", "3", "--chunk", "1"))
+        self.run_study(file, "three", "--jobs", "3", "--chunk", "1")
         self.assertEqual(self.rows("three"), expected)
         for name, executor in (
             ("processes", ProcessPoolExecutor(2)),
             ("pool", ThreadPoolExecutor(2)),
         ):
             with self.subTest(name), executor:
-                sprag.run_study(file, executor, jobs=2, output=self.path / name)
+                sprag.run_study(file, executor, jobs=2, output=self.folder / name)
                 self.assertEqual(self.rows(name), expected)
 
     def test_rows_in_memory_are_those_of_the_file(self):
-        file = self.study(5)
-        self.reference(file)
-        expected, found = sprag.read_study(self.path / "reference"), sprag.run_study(file)
+        found = sprag.run_study(self.study(5))
+        self.file("reference/rows.csv", self.reference(5))
+        expected = sprag.read_study(self.folder / "reference/rows.csv")
         self.assertEqual(found.names, expected.names)
         for name in found.names:
             self.assertEqual(found[name].dtype, expected[name].dtype)
@@ -127,23 +130,22 @@ class ExecutorsTest(StudyTest):
     @unittest.skipUnless(MPIRUN and has("mpi4py"), "python3-mpi4py or openmpi-bin is missing")
     def test_ranks_of_mpi(self):
         file = self.study(5)
-        expected = self.reference(file)
-        for ranks in (1, 2, 4):
+        expected = self.reference(5)
+        for ranks in (1, 4):
             folder = f"ranks_{ranks}"
-            report = self.path / "report.json"
+            report = self.folder / "report.json"
             mpirun = [MPIRUN, "--oversubscribe", "--bind-to", "none", "-n", str(ranks)]
             command = self.command(file, folder, "--mpi", "--chunk", "2", "--report", report)
             self.run_program([*mpirun, *command])
             self.assertEqual(self.rows(folder), expected)
             self.assertEqual(json.loads(report.read_text())["workers"], max(ranks - 1, 1))
-        self.run_program([*mpirun, *self.command(file, "other")], 2)
-        self.run_program([*mpirun, *self.command(self.path / "none", "other", "--mpi")], 2)
+        self.run_program([*mpirun, *self.command(self.folder / "none", "other", "--mpi")], 2)
 
     @unittest.skipUnless(has("distributed"), "python3-distributed is missing")
     def test_workers_of_dask(self):
         file = self.study(40)
-        expected = self.reference(file)
-        scheduler_file = self.path / "scheduler.json"
+        expected = self.reference(40)
+        scheduler_file = self.folder / "scheduler.json"
         worker = "from distributed.cli.dask_worker import main; main()"
         scheduler = "from distributed.cli.dask_scheduler import main; main()"
         with contextlib.ExitStack() as stack:
@@ -153,7 +155,7 @@ class ExecutorsTest(StudyTest):
                     [sys.executable, "-c", code, *map(str, options)],
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
-                    cwd=self.path,
+                    cwd=self.folder,
                 )
                 stack.callback(process.wait)
                 stack.callback(process.kill)
@@ -169,7 +171,7 @@ class ExecutorsTest(StudyTest):
             ]
             address = json.loads(scheduler_file.read_text())["address"]
             command = self.command(file, "dask", "--dask", address, "--chunk", "3")
-            process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=self.path)
+            process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=self.folder)
             while self.rows_so_far("dask") < 30:
                 self.assertIsNone(process.poll(), "it ended before")
                 time.sleep(0.01)
@@ -181,8 +183,11 @@ class ExecutorsTest(StudyTest):
     def test_options_of_workers_exclude_each_other(self):
         file = self.study(1)
         for options in (["--mpi", "--dask", "x"], ["--mpi", "--jobs", "2"]):
-            self.run_program(self.command(file, "folder", *options), 2)
-        self.assertFalse((self.path / "folder").exists())
+            self.run_study(file, "folder", *options, code=2)
+        with unittest.mock.patch.dict(os.environ, OMPI_COMM_WORLD_SIZE="2"):
+            refused = self.run_study(file, "folder", code=2)
+        self.assertIn("under mpirun give --mpi", refused.stderr)
+        self.assertFalse((self.folder / "folder").exists())
 
 
 class ProgressTest(unittest.TestCase):
@@ -209,14 +214,14 @@ class InterruptionsTest(StudyTest):
                 lambda process: process.send_signal(sent),
             )
             kept = self.rows_so_far("killed")
-        with open(self.path / "killed/rows.part.csv", "a") as rows:
+        with open(self.folder / "killed/rows.part.csv", "a") as rows:
             rows.write("479,11,39,0.0")  # a torn row
-        report = self.path / "report.json"
-        self.run_program(self.command(file, "killed", "--report", report))
+        report = self.folder / "report.json"
+        self.run_study(file, "killed", "--report", report)
         found = json.loads(report.read_text())
         self.assertEqual(found["before"], kept - 1)
         self.assertEqual(found["done"], 480 - (kept - 1))
-        self.assertEqual(self.rows("killed"), self.reference(file))
+        self.assertEqual(self.rows("killed"), self.reference(40))
 
     def test_a_killed_worker_loses_its_own_runs_only(self):
         file = self.study(40)
@@ -224,9 +229,9 @@ class InterruptionsTest(StudyTest):
             executor.submit(os.getpid).result()
             os.kill(next(iter(executor._processes)), signal.SIGKILL)
             with self.assertRaisesRegex(sprag.Error, "a worker ended"):
-                sprag.run_study(file, executor, jobs=2, output=self.path / "killed")
-        sprag.run_study(file, output=self.path / "killed")
-        self.assertEqual(self.rows("killed"), self.reference(file))
+                sprag.run_study(file, executor, jobs=2, output=self.folder / "killed")
+        sprag.run_study(file, output=self.folder / "killed")
+        self.assertEqual(self.rows("killed"), self.reference(40))
 
     def test_workers_end_with_their_parent(self):
         file = self.study(4000)
@@ -263,11 +268,11 @@ sprag.run_study({str(file)!r}, executor, jobs=2, output="killed")
         command = [*mpirun, *self.command(file, "killed", "--mpi", "--chunk", "3")]
         self.break_off(command, "killed", 30, kill)
         self.run_program([*mpirun, *self.command(file, "killed", "--mpi")])
-        self.assertEqual(self.rows("killed"), self.reference(file))
+        self.assertEqual(self.rows("killed"), self.reference(40))
 
     def test_a_full_disk_keeps_written_rows(self):
         file = self.study(20)
-        (self.path / "full").mkdir()
+        (self.folder / "full").mkdir()
         done = subprocess.run(
             self.command(file, "full", "--chunk", "7"),
             capture_output=True,
@@ -278,30 +283,29 @@ sprag.run_study({str(file)!r}, executor, jobs=2, output="killed")
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("rows.part.csv: File too large", done.stderr)
         self.assertIn("the same command goes on", done.stderr)
-        kept = (self.path / "full/rows.part.csv").read_text()
+        kept = (self.folder / "full/rows.part.csv").read_text()
         self.assertGreater(len(kept), 15000)
         self.assertTrue(kept.endswith("\n"))
-        self.run_program(self.command(file, "full"))
-        self.assertEqual(self.rows("full"), self.reference(file))
+        self.run_study(file, "full")
+        self.assertEqual(self.rows("full"), self.reference(20))
 
     def test_shards_combine_to_the_study(self):
         file = self.study(5)
-        expected = self.reference(file)
         for shard in ("3/4", "1/4", "4/4", "2/4"):
-            self.run_program(self.command(file, "shards", "--shard", shard, "--jobs", "1"))
-        whole = self.path / "shards/shard-2-of-4.csv"
+            self.run_study(file, "shards", "--shard", shard, "--jobs", "1")
+        whole = self.folder / "shards/shard-2-of-4.csv"
         text = whole.read_text()
         whole.with_suffix(".part.csv").write_text(text[: len(text) // 2])
         whole.unlink()
-        report = self.path / "report.json"
-        self.run_program(self.command(file, "shards", "--report", report))
-        self.assertEqual(self.rows("shards"), expected)
+        report = self.folder / "report.json"
+        self.run_study(file, "shards", "--report", report)
+        self.assertEqual(self.rows("shards"), self.reference(5))
         self.assertTrue(0 < json.loads(report.read_text())["done"] < 15)
-        (self.path / "shards/shard-1-of-2.json").write_text(
-            (self.path / "shards/shard-1-of-4.json").read_text()
+        (self.folder / "shards/shard-1-of-2.json").write_text(
+            (self.folder / "shards/shard-1-of-4.json").read_text()
         )
-        (self.path / "shards/rows.csv").unlink()
-        self.assertIn("shard differs", self.run_program(self.command(file, "shards"), 2).stderr)
+        (self.folder / "shards/rows.csv").unlink()
+        self.assertIn("shard differs", self.run_study(file, "shards", code=2).stderr)
 
 
 class RowsTest(StudyTest):
@@ -309,7 +313,7 @@ class RowsTest(StudyTest):
     header = "index,n,x,failure\n"
 
     def read(self, text):
-        file = self.path / "rows.csv"
+        file = self.folder / "rows.csv"
         file.write_bytes(text.encode())
         return studies.read_rows(file, self.layout, studies.Range(0, 100))
 
@@ -346,7 +350,7 @@ class RowsTest(StudyTest):
         self.assertEqual(missing(studies.Range(3, 5), [studies.Range(3, 5)]), [])
 
     def test_a_file_belongs_to_one_process(self):
-        file = self.path / "rows.part.csv"
+        file = self.folder / "rows.part.csv"
         rows = studies.RowFile(file)
         with self.assertRaisesRegex(sprag.Error, "another process"):
             studies.RowFile(file)
@@ -354,31 +358,31 @@ class RowsTest(StudyTest):
 
     def test_a_failed_run_has_a_row(self):
         # Each axis alone is outside the support, but both together are inside.
-        file = self.path / "inside.toml"
+        file = self.folder / "inside.toml"
         file.write_text(
             f'scene = "{SOURCE}/scenes/lab_rig.toml"\nduration = 1.0\nrecord = ["impacts"]\n'
             "[vary]\ncontact.1.clearance = [0.01, 0.002]\nmaster.q.2 = [0.0, -0.005]\n"
         )
-        report = self.path / "report.json"
-        done = self.run_program(self.command(file, "inside", "--report", report))
+        report = self.folder / "report.json"
+        done = self.run_study(file, "inside", "--report", report)
         self.assertIn("4 of 4 runs", done.stderr)
         self.assertIn("1 failed", done.stderr)
-        study = sprag.read_study(self.path / "inside")
+        study = sprag.read_study(self.folder / "inside")
         self.assertIn("starts inside the support of contact 1", study["failure"][3])
         self.assertTrue(np.isnan(study["impacts"][3]))
         self.assertEqual(json.loads(report.read_text())["failed"], 1)
 
     def test_a_section_has_a_row_for_each_point(self):
         # Its orbit has the period of the force, in closed form.
-        file = self.path / "orbit.toml"
+        file = self.folder / "orbit.toml"
         file.write_text(
             f'scene = "{SOURCE}/scenes/impact_oscillator.toml"\n'
             'record = ["poincare", "attractor", "impacts_per_period", "lyapunov"]\n'
             '[machine]\ntransient = 20\nperiods = 40\ncoordinates = ["u1"]\n'
             "[vary]\nforce.1.frequency = [34.0, 26.0, 20.0]\n"
         )
-        self.run_program(self.command(file, "orbit", "--chunk", "1"))
-        study = sprag.read_study(self.path / "orbit")
+        self.run_study(file, "orbit", "--chunk", "1")
+        study = sprag.read_study(self.folder / "orbit")
         first = study["index"] == 0
         self.assertEqual(study["n"][first].tolist(), list(range(1, 41)))
         np.testing.assert_allclose(study["u1"][first], 0.1855338168983542, atol=1e-9)
@@ -386,19 +390,19 @@ class RowsTest(StudyTest):
         self.assertEqual(set(study["impacts_per_period"][first]), {1.0})
         self.assertTrue((study["lyapunov"][first] < -0.01).all())
         whole = self.rows("orbit")  # interrupted within the rows of a run
-        (self.path / "orbit/rows.part.csv").write_text(whole[: len(whole) // 2])
-        (self.path / "orbit/rows.csv").unlink()
-        self.run_program(self.command(file, "orbit"))
+        (self.folder / "orbit/rows.part.csv").write_text(whole[: len(whole) // 2])
+        (self.folder / "orbit/rows.csv").unlink()
+        self.run_study(file, "orbit")
         self.assertEqual(self.rows("orbit"), whole)
 
     def test_a_recorded_input_of_the_observer_varies(self):
-        scene = self.path / "beam.toml"
+        scene = self.folder / "beam.toml"
         text = (SOURCE / "scenes/swept_beam.toml").read_text()
         record = f'"{SOURCE}/scenes/records/swept_base.csv"'
         text = text.replace('"records/swept_base.csv"', record)
         spline = 'interpolation = "spline"'
         scene.write_text(text.replace(spline, f'{spline}\noutside = "hold"'))
-        file = self.path / "study.toml"
+        file = self.folder / "study.toml"
         file.write_text(
             'scene = "beam.toml"\nduration = 5.0\nsamples = 200\nestimators = ["both"]\n'
             'record = ["V_floor", "nees"]\n[vary]\n'
@@ -408,55 +412,58 @@ class RowsTest(StudyTest):
         self.assertGreater(floors[0], 1e3 * floors[1])
         scene.write_text(text)  # no values outside of the record
         file.write_text(file.read_text().replace("5.0", "7.0"))
-        refused = self.run_program(self.command(file, "more"), 2)
+        refused = self.run_study(file, "more", code=2)
         self.assertIn("the recorded input ends at t = 6", refused.stderr)
 
 
 class RefusalsTest(StudyTest):
     def test_the_folder_of_another_study(self):
         file = self.study(1)
-        self.run_program(self.command(file, "folder"))
+        self.run_study(file, "folder")
         before = self.rows("folder")
-        changed = self.path / "changed.toml"
+        changed = self.folder / "changed.toml"
         changed.write_text(file.read_text() + "# changed\n")
         for other in (changed, self.study(2, "other")):
-            refused = self.run_program(self.command(other, "folder"), 2)
+            refused = self.run_study(other, "folder", code=2)
             self.assertIn("belongs to another study", refused.stderr)
-        (self.path / "folder/manifest.json").unlink()
-        self.run_program(self.command(file, "folder"), 2)
+        (self.folder / "folder/manifest.json").unlink()
+        self.run_study(file, "folder", code=2)
         self.assertEqual(self.rows("folder"), before)
 
     def test_a_name_that_is_a_path(self):
         text = self.study(1).read_text()
         for name in ("../out", "/tmp/out", ".", "..", "", "a/b", "a\\nb", "\\u001b[31m"):
-            file = self.path / "named.toml"
+            file = self.folder / "named.toml"
             file.write_text(f'name = "{name}"\n{text}')
-            refused = self.run_program([PROGRAM, file], 2)
+            refused = self.run_main(studies.main, file, code=2)
             self.assertIn("use --output FOLDER", refused.stderr)
             self.assertNotIn("\x1b", refused.stderr)
 
     def test_bad_usage(self):
         file = self.study(1)
-        for shard in ("0/4", "5/4", "1", "1/", "a/b", "1/2/3"):
-            refused = self.run_program(self.command(file, "folder", "--shard", shard), 2)
-            self.assertIn("must be i/n", refused.stderr)
-        for jobs in ("100000", "1025", "0", "-1", "99999999999999999999"):
-            refused = self.run_program(self.command(file, "folder", "--jobs", jobs), 2)
-            self.assertIn("must be a whole number from 1 to 1024", refused.stderr)
-        self.run_program(self.command(self.path / "none.toml", "folder"), 2)
-        refused = self.run_program(self.command("/dev/zero", "folder"), 2)
-        self.assertIn("/dev/zero: is larger than 1024 MiB", refused.stderr)
-        file.write_text(file.read_text().replace("samples = 50", "samples = -1"))
-        refused = self.run_program(self.command(file, "folder"), 2)
-        self.assertRegex(refused.stderr, r"study\.toml:4:\d+: samples")
-        self.assertFalse((self.path / "folder").exists())
+        copy = self.folder / "negative.toml"
+        copy.write_text(file.read_text().replace("samples = 50", "samples = -1"))
+        cases = [
+            (file, ["--shard", of], "must be i/n") for of in ("0/4", "5/4", "1/", "a/b", "1/2/3")
+        ]
+        whole = "must be a whole number from 1 to 1024"
+        cases += [
+            (file, ["--jobs", of], whole) for of in ("1025", "0", "-1", "99999999999999999999")
+        ]
+        cases += [("none.toml", [], "none.toml"), (copy, [], "negative.toml:4:11: samples")]
+        cases += [("/dev/zero", [], "/dev/zero: is larger than 128 MiB")]
+        for given, options, expected in cases:
+            with self.subTest(expected):
+                refused = self.run_study(given, "folder", *options, code=2)
+                self.assertIn(expected, refused.stderr)
+        self.assertFalse((self.folder / "folder").exists())
 
     def test_a_result_that_would_overwrite_an_input(self):
         file = self.study(1)
-        (self.path / "own").mkdir()
-        own = file.rename(self.path / "own/rows.csv")
+        (self.folder / "own").mkdir()
+        own = file.rename(self.folder / "own/rows.csv")
         text = own.read_text()
-        self.run_program(self.command(own, "own"), 2)
+        self.run_study(own, "own", code=2)
         self.assertEqual(own.read_text(), text)
 
 
@@ -479,8 +486,8 @@ class ResultsTest(StudyTest):
         np.testing.assert_array_equal(V.values.ravel(), study["both.V_floor"])
         np.testing.assert_allclose(data["observer.impact.restitution"], [-0.1, 0.0, 0.1])
         self.assertIn("disturbance.lost", data.data_vars)
-        self.run_program(self.command(file, "part", "--shard", "2/2"))
-        part = sprag.read_study(self.path / "part/shard-2-of-2.csv").dataset()
+        self.run_study(file, "part", "--shard", "2/2")
+        part = sprag.read_study(self.folder / "part/shard-2-of-2.csv").dataset()
         self.assertEqual(part["both.V_floor"].shape, (4, 3, 2))
         self.assertEqual(int(part["impacts"].isnull().sum()), 12)
 

@@ -7,17 +7,15 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
-from pathlib import Path
 
 import numpy as np
 
 import sprag
-from sprag import _core
+from sprag import _core, tolerances
 from sprag.tolerances import Deviation, _search, amount_text, amounts, draw
-from support import BUILD, SOURCE, scene
+from support import BUILD, SOURCE, FolderTest, scene
 
 PROGRAM = BUILD / "tools/tolerance"
 RIG = SOURCE / "scenes/lab_rig.toml"
@@ -221,18 +219,11 @@ except KeyboardInterrupt:
         self.assertTrue(seen.any())
 
 
-class ProgramTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+class ProgramTest(FolderTest):
+    """The program within this process; Program.tolerance starts it as a user does."""
 
-    def run_program(self, *arguments, code=0, **more):
-        done = subprocess.run(
-            [PROGRAM, *arguments], capture_output=True, text=True, cwd=self.folder, **more
-        )
-        self.assertEqual(done.returncode, code, done.stderr)
-        return done
+    def run_program(self, *arguments, code=0):
+        return self.run_main(tolerances.main, *arguments, code=code)
 
     SHORT = ("--runs", "1", "--duration", "10", "--estimator", "replica")
 
