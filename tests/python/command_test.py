@@ -7,14 +7,16 @@ import math
 import os
 import signal
 import subprocess
-import tempfile
 import unittest
 from pathlib import Path
 from typing import Any
 
+from sprag import plot, report
+from sprag import study as study_program
 from sprag._command import Parser, run_program
+from sprag.importing import program
+from support import BUILD, FolderTest
 
-BUILD = Path(os.environ["SPRAG_BUILD_DIR"])
 SCENE = """name = "rig.csv"
 [system]
 M = "M.csv"
@@ -29,19 +31,6 @@ time.sleep(60)
 """
 
 
-class FolderTest(unittest.TestCase):
-    def setUp(self) -> None:
-        temporary = tempfile.TemporaryDirectory()
-        self.addCleanup(temporary.cleanup)
-        self.folder = Path(temporary.name)
-
-    def file(self, name: str, text: str) -> str:
-        path = self.folder / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text)
-        return str(path)
-
-
 class OverwriteTest(FolderTest):
     def test_files_that_a_scene_names_are_inputs(self) -> None:
         rig = self.file("rig/rig.toml", SCENE)
@@ -50,25 +39,21 @@ class OverwriteTest(FolderTest):
         inputs = [self.file(f"rig/{name}.csv", "1,0\n0,1\n") for name in ("M", "base")]
         link = self.folder / "link.csv"
         link.symlink_to("rig/M.csv")
-        for program, *arguments in [
-            ("import_events", events, rig),
-            ("report", rig, events, "--output", str(self.folder / "a.html")),
-            ("plot", f"a machine={rig}", events, "--output", str(self.folder / "a.png")),
-            ("study", study),
+        for main, *arguments in [
+            (program.main, events, rig),
+            (report.main, rig, events, "--output", "a.html"),
+            (plot.main, f"a machine={rig}", events, "--output", "a.png"),
+            (study_program.main, study),
         ]:
             for output in [*inputs, str(link)]:
-                with self.subTest(program, output=output):
-                    command = [str(BUILD / "tools" / program), *arguments, "--report", output]
-                    done = subprocess.run(command, capture_output=True, text=True)
-                    self.assertEqual(done.returncode, 2, done.stderr)
+                with self.subTest(main, output=output):
+                    done = self.run_main(main, *arguments, "--report", output, code=2)
                     self.assertIn("a file of SCENE", done.stderr)
                     self.assertIn("--report", done.stderr)
                     self.assertEqual(Path(output).read_text(), "1,0\n0,1\n")
-        with self.subTest("the name of a scene is no file"):
-            named = self.file("rig/rig.csv", "")
-            command = [str(BUILD / "tools/import_events"), events, rig, "--report", named]
-            done = subprocess.run(command, capture_output=True, text=True)
-            self.assertNotIn("same file", done.stderr)
+        named = self.file("rig/rig.csv", "")  # the name of a scene is no file
+        done = self.run_main(program.main, events, rig, "--report", named)
+        self.assertNotIn("same file", done.stderr)
 
 
 class SignalTest(FolderTest):
@@ -120,18 +105,16 @@ class OutputTest(FolderTest):
         read_end, pipe = os.pipe()
         os.close(read_end)
         full = os.open("/dev/full", os.O_WRONLY)
-        for times in (self.file("few.csv", "t [s]\n1\n"), self.file("many.csv", "t [s]\n" + many)):
-            for output, reason in (full, "No space left on device"), (pipe, "Broken pipe"):
-                with self.subTest(reason, times=times):
-                    done = subprocess.run(
-                        [BUILD / "tools/import_events", times, scene],
-                        stdout=output,
-                        stderr=subprocess.PIPE,
-                        text=True,
-                    )
-                    self.assertEqual(done.returncode, 1, done.stderr)
-                    last = done.stderr.splitlines()[-1]
-                    self.assertEqual(last, f"import_events: standard output: {reason}")
+        for text, output, reason in (
+            ("t [s]\n1\n", full, "No space left on device"),
+            ("t [s]\n" + many, full, "No space left on device"),
+            ("t [s]\n" + many, pipe, "Broken pipe"),
+        ):
+            command = [BUILD / "tools/import_events", self.file("times.csv", text), scene]
+            done = subprocess.run(command, stdout=output, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(done.returncode, 1, done.stderr)
+            last = done.stderr.splitlines()[-1]
+            self.assertEqual(last, f"import_events: standard output: {reason}")
         os.close(pipe)
         os.close(full)
 

@@ -43,14 +43,14 @@ def switches_during(call) -> int:
 class ThreadsTest(unittest.TestCase):
     def test_long_calls_let_other_threads_run(self):
         beam = scene()
-        run = sprag.simulate(beam, 1000.0, tick=1e-3)
+        run = sprag.simulate(beam, 400.0, tick=1e-3)
         observer = sprag.Observer(beam, tick=1e-3)
-        observer.set_horizon(300.0)
+        observer.set_horizon(30.0)
         ahead = sprag.Observer(beam, tick=1e-4)
         estimate = np.repeat(run.q, 5, axis=0)
         calls = {
-            "simulate": lambda: sprag.simulate(beam, 3000.0, tick=1e-3),
-            "observe": lambda: sprag.observe(beam, run.events, 500.0, tick=1e-3),
+            "simulate": lambda: sprag.simulate(beam, 1000.0, tick=1e-3),
+            "observe": lambda: sprag.observe(beam, run.events, 100.0, tick=1e-3),
             "settle": observer.settle,
             "at": lambda: ahead.at(500.0),
             "energies": lambda: sprag.energies(beam, estimate, estimate, estimate, estimate),

@@ -8,13 +8,14 @@ import signal
 import socket
 import struct
 import subprocess
-import tempfile
 import time
 import unittest
-from pathlib import Path
 
-SCENE = str(Path(os.environ["SPRAG_SOURCE_DIR"]) / "scenes" / "lab_rig.toml")
-PAGE = Path(os.environ["SPRAG_SOURCE_DIR"]) / "python" / "sprag" / "view" / "page"
+from sprag import view
+from support import SOURCE, FolderTest
+
+SCENE = str(SOURCE / "scenes" / "lab_rig.toml")
+PAGE = SOURCE / "python" / "sprag" / "view" / "page"
 VIEW = os.environ["VIEW"]
 
 
@@ -61,15 +62,10 @@ class Connection(socket.socket):
         self.sendall(struct.pack("BBxxxx", 0x81, 0x80 | len(text)) + text.encode())
 
 
-class ViewProgramTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-
-    def run_view(self, *arguments):
-        command = [VIEW, SCENE, *arguments]
-        return subprocess.run(command, capture_output=True, text=True, timeout=60)
+class ViewProgramTest(FolderTest):
+    def refused(self, code, *arguments):
+        """What the program says in this process before it ends with this exit code."""
+        return self.run_main(view.main, SCENE, *arguments, code=code).stderr
 
     def serve(self, *more):
         """Starts `view` at a free port and waits until it serves."""
@@ -156,17 +152,7 @@ class ViewProgramTest(unittest.TestCase):
     def test_a_replay_shows_the_estimates_of_the_observer(self):
         events, states = self.folder / "events.csv", self.folder / "states.csv"
         for command in (
-            [
-                "MASTER_SIM",
-                SCENE,
-                "--duration",
-                "3",
-                "--speed",
-                "max",
-                "--no-lcm",
-                "--events",
-                events,
-            ],
+            [*f"MASTER_SIM {SCENE} --duration 3 --speed max --no-lcm --events".split(), events],
             ["OBSERVER", SCENE, "--replay", events, "--states", states],
         ):
             command[0] = os.environ[command[0]]
@@ -218,27 +204,22 @@ class ViewProgramTest(unittest.TestCase):
             taken.bind(("", 0))
             port = taken.getsockname()[1]
             url = f"udpm://239.255.76.67:{port}?ttl=0"
-            ended = self.run_view("--http", "127.0.0.1:0", "--url", url)
-        self.assertEqual(ended.returncode, 1)
-        self.assertIn(f"UDP port {port} is in use", ended.stderr)
-        self.assertNotIn("ip route", ended.stderr)
+            said = self.refused(1, "--http", "127.0.0.1:0", "--url", url)
+        self.assertIn(f"UDP port {port} is in use", said)
+        self.assertNotIn("ip route", said)
 
     def test_errors_of_the_server_are_reported(self):
         self.serve()
-        ended = self.run_view("--url", "memq://", "--http", self.host)
-        self.assertEqual(ended.returncode, 1)
-        reason = f"{self.host}: Address already in use; another program listens there"
-        self.assertIn(reason, ended.stderr)
-        for http in ("nonsense", "127.0.0.1", "nohost:8080", "127.0.0.1:99999"):
-            ended = self.run_view("--url", "memq://", "--http", http)
-            self.assertEqual(ended.returncode, 2, http)
-            self.assertIn("--http: ", ended.stderr)
+        said = self.refused(1, "--url", "memq://", "--http", self.host)
+        self.assertIn(f"{self.host}: Address already in use; another program listens there", said)
+        for http in ("nonsense", "nohost:8080"):
+            self.assertIn("--http: ", self.refused(2, "--url", "memq://", "--http", http))
         for arguments in (
             ["--replay", str(self.folder / "nothing")],
             ["--speed", "2"],
             ["--url", "udpm://1.2.3.4:1"],
         ):
-            self.assertEqual(self.run_view(*arguments).returncode, 2, arguments)
+            self.refused(2, *arguments)
         self.stop(signal.SIGHUP)
 
 
