@@ -113,7 +113,9 @@ class ViewProgramTest(FolderTest):
         status, head, body = self.ask(self.get("/"))
         self.assertEqual(status, 200)
         self.assertIn("Content-Type: text/html; charset=utf-8", head)
-        self.assertIn("Content-Security-Policy: default-src 'none'; script-src 'self'", head)
+        self.assertIn("Content-Security-Policy: default-src 'none'; script-src 'self';", head)
+        self.assertIn("frame-ancestors 'none'", head)
+        self.assertNotRegex(head, r"unsafe-eval|\*;|http:|https:|data:")
         self.assertIn("X-Content-Type-Options: nosniff", head)
         self.assertNotIn("Access-Control", head)
         self.assertEqual(body, (PAGE / "index.html").read_bytes())
@@ -221,6 +223,8 @@ class ViewProgramTest(FolderTest):
         ):
             self.refused(2, *arguments)
         self.stop(signal.SIGHUP)
+        self.serve("--url", "memq://", "--http", self.host)  # the port is free again
+        self.stop()
 
 
 if __name__ == "__main__":

@@ -587,11 +587,13 @@ class RulesTest(unittest.TestCase):
         self.assertEqual(self.status("HEAD", "/index.html", "localhost:8080"), 200)
         # A foreign name that resolves to this host, or a name with only the right beginning.
         foreign = ["evil.example:8080", "127.0.0.1", "127.0.0.1:80", f"{here}.evil", f"{here} "]
+        foreign += ["127.0.0.1.evil.example:8080", f"user@{here}", "127.0.0.2:8080"]
         for host in (*foreign, "localhost", "localhost:80800", "", None):
             self.assertEqual(self.status("GET", "/", host), 403, host)
         for method in ("POST", "PUT", "DELETE", "OPTIONS", "CONNECT", "get"):
             self.assertEqual(self.status(method, "/", here), 405, method)
-        for target in ("/x", "//", "/../etc/passwd", "/index.html?x", f"http://{here}/", ""):
+        foreign = ["/%2e%2e/etc/passwd", "/page.js/", "/index.html~", f"http://{here}/"]
+        for target in ("/x", "//", "/../etc/passwd", "/index.html?x", "", *foreign):
             self.assertEqual(self.status("GET", target, here), 404, target)
 
     def test_the_stream_requires_the_page_of_the_same_host(self):
@@ -599,6 +601,7 @@ class RulesTest(unittest.TestCase):
         self.assertEqual(self.status("GET", "/stream", here, f"http://{here}", True), 200)
         self.assertEqual(self.status("GET", "/stream", here, f"http://{here}"), 426)
         foreign = ["http://evil.example", "http://127.0.0.1:8081", f"https://{here}"]
+        foreign += ["http://127.0.0.1", f"http://{here}.evil.example"]
         for origin in (*foreign, "null", "http://localhost:8080", f"http://{here}/"):
             self.assertEqual(self.status("GET", "/stream", here, origin, True), 403, origin)
         self.assertEqual(self.status("GET", "/stream", here, None, True), 403)
