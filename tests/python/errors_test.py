@@ -68,11 +68,6 @@ class ErrorsTest(unittest.TestCase):
             self.assertIsInstance(raised.exception, sprag.Error)
             self.assertIn("defective mode", str(raised.exception))
 
-    def test_invalid_mass(self):
-        for given in ([[0.0]], [[-1.0]]):
-            with self.assertRaises(ValueError):
-                sprag.Model(given, [[0.0]], [[1.0]], [sprag.Contact([1.0], 0.5)])
-
     def test_wrong_arguments(self):
         beam = scene()
         events = sprag.simulate(beam, 2.0).events

@@ -38,10 +38,6 @@ class PlotTest(unittest.TestCase):
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         self.assertIn("function states", done.stdout, done.stderr)
 
-    def test_an_estimate_alone(self):
-        figure = sprag.plot.states(self.estimate)
-        self.assertIn("q1", titles(figure))
-
     def test_curves_are_the_numbers(self):
         figure = sprag.plot.states(self.machine, self.scene, show=["g1"])
         gaps = self.scene.gaps(self.machine.t, self.machine.q)[:, 0]
@@ -70,8 +66,8 @@ class PlotTest(unittest.TestCase):
             self.assertIn(title, shown)
         with tempfile.TemporaryDirectory() as folder:
             figure.savefig(Path(folder) / "run.png")
-        alone = sprag.plot.states(self.estimate, self.scene, V=V.V, show=["V"])
-        self.assertEqual(titles(alone), ["Error energy [J]"])
+        alone = sprag.plot.states(self.estimate, V=V.V, show=["q1", "V"])
+        self.assertEqual(titles(alone), ["q1", "Error energy [J]"])
         with self.assertRaisesRegex(ValueError, "V has shape"):
             sprag.plot.states(self.estimate, V=V.V[1:])
 

@@ -1,24 +1,18 @@
 """Rows of a study become arrays, in the order of its axes."""
 
 import json
-import pathlib
-import tempfile
 import unittest
 
 import numpy as np
 import sprag
+from support import FolderTest
 
 
-class StudiesTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        self.path = pathlib.Path(self.folder.name)
-
+class StudiesTest(FolderTest):
     def write(self, lines, axes=("x", "y"), name="rows", manifest="manifest"):
-        (self.path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+        (self.folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
         axes = [{"path": path, "group": path} for path in axes]
-        (self.path / f"{manifest}.json").write_text(json.dumps({"name": "s", "axes": axes}))
+        (self.folder / f"{manifest}.json").write_text(json.dumps({"name": "s", "axes": axes}))
 
     def rows(self):
         lines = ["index,point,run,x,y,both.rate,failure"]
@@ -32,7 +26,7 @@ class StudiesTest(unittest.TestCase):
 
     def test_columns_are_arrays(self):
         self.write(self.rows())
-        for path in (self.path, str(self.path / "rows.csv")):
+        for path in (self.folder, str(self.folder / "rows.csv")):
             study = sprag.read_study(path)
             self.assertEqual(study.rows, 12)
             self.assertEqual(study.axes, ["x", "y"])
@@ -50,7 +44,7 @@ class StudiesTest(unittest.TestCase):
     def test_a_grid_has_a_dimension_for_each_axis(self):
         lines = self.rows()
         self.write(lines[:1] + lines[:0:-1])  # the order of rows does not matter, except for runs
-        study = sprag.read_study(self.path)
+        study = sprag.read_study(self.folder)
         grid = study.grid("both.rate")
         self.assertEqual(grid.shape, (2, 3, 2))
         for i, x in enumerate((1e-6, 1e-5)):
@@ -60,17 +54,17 @@ class StudiesTest(unittest.TestCase):
                 np.testing.assert_allclose(np.sort(grid[i, k]), 100 * x + 10 * y + np.arange(2))
         self.write(lines[:-1])
         with self.assertRaisesRegex(ValueError, "grid"):
-            sprag.read_study(self.path).grid("x")
+            sprag.read_study(self.folder).grid("x")
 
     def test_a_shard_and_a_file_without_manifest(self):
         self.write(self.rows(), name="shard-2-of-4", manifest="shard-2-of-4")
-        study = sprag.read_study(self.path / "shard-2-of-4.csv")
+        study = sprag.read_study(self.folder / "shard-2-of-4.csv")
         self.assertEqual(study.axes, ["x", "y"])
-        (self.path / "shard-2-of-4.json").unlink()
-        study = sprag.read_study(self.path / "shard-2-of-4.csv")
+        (self.folder / "shard-2-of-4.json").unlink()
+        study = sprag.read_study(self.folder / "shard-2-of-4.csv")
         self.assertEqual((study.axes, study.manifest), ([], {}))
         self.write(self.rows()[:1])
-        self.assertEqual(sprag.read_study(self.path).rows, 0)
+        self.assertEqual(sprag.read_study(self.folder).rows, 0)
 
     def test_damage_is_an_error_with_its_line(self):
         for lines, what in (
@@ -80,13 +74,13 @@ class StudiesTest(unittest.TestCase):
         ):
             self.write(lines)
             with self.assertRaisesRegex(sprag.InputError, what):
-                sprag.read_study(self.path)
+                sprag.read_study(self.folder)
         self.write(self.rows())
-        (self.path / "manifest.json").write_text("{")
+        (self.folder / "manifest.json").write_text("{")
         with self.assertRaisesRegex(sprag.InputError, "manifest"):
-            sprag.read_study(self.path)
+            sprag.read_study(self.folder)
         with self.assertRaises(sprag.InputError):
-            sprag.read_study(self.path / "none")
+            sprag.read_study(self.folder / "none")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,13 @@
 """Study files: how they are read, the values and the scenes of each run, and their errors."""
 
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy as np
 
 import sprag
 from sprag import _core
 from sprag._study_file import StudyRuns, read_study_file
-from support import SOURCE
+from support import SOURCE, FolderTest
 
 RIG = f"{SOURCE}/scenes/lab_rig.toml"
 BOTH = 'estimators = ["replica", "both"]\n'
@@ -25,15 +23,9 @@ def philox(counter, key):
     return c
 
 
-class StudyFileTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.file = Path(folder.name) / "study.toml"
-
+class StudyFileTest(FolderTest):
     def write(self, text, scene="lab_rig"):
-        self.file.write_text(f'scene = "{SOURCE}/scenes/{scene}.toml"\n{text}')
-        return self.file
+        return self.file("study.toml", f'scene = "{SOURCE}/scenes/{scene}.toml"\n{text}')
 
     def read(self, text, scene="lab_rig"):
         return read_study_file(self.write(text, scene))
@@ -114,7 +106,7 @@ system.K.1.2 = [-610.0]
         """The error without the name of the file."""
         with self.assertRaises(sprag.SceneError, msg=text) as caught:
             self.read(text, scene)
-        place = f"{self.file}:"
+        place = f"{self.path('study.toml')}:"
         self.assertTrue(str(caught.exception).startswith(place))
         return str(caught.exception).removeprefix(place)
 
@@ -228,9 +220,9 @@ system.K.1.2 = [-610.0]
         )
 
     def test_a_scene_that_is_not_there(self):
-        self.file.write_text('scene = "none"\n')
+        file = self.file("study.toml", 'scene = "none"\n')
         with self.assertRaisesRegex(sprag.SceneError, r':1:9: scene is "none"; must be a scene'):
-            read_study_file(self.file)
+            read_study_file(file)
         with self.assertRaisesRegex(sprag.InputError, "did you mean lab_rig_jitter"):
             read_study_file("lab_rig_jiter")
         self.assertEqual(read_study_file("lab_rig_jitter").points, 45)

@@ -1,7 +1,6 @@
 """Tables are read by their headers, up to their damage, exactly."""
 
 import json
-import tempfile
 import unittest
 from pathlib import Path
 
@@ -9,19 +8,10 @@ import numpy as np
 
 from sprag import tables
 from sprag._errors import InputError
+from support import FolderTest
 
 
-class TablesTest(unittest.TestCase):
-    def setUp(self) -> None:
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
-
-    def file(self, name: str, text: str | bytes) -> Path:
-        path = self.folder / name
-        path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return path
-
+class TablesTest(FolderTest):
     def read(self, text: str | bytes, label: str = "") -> tables.Table:
         return tables.read_table(self.file("a.csv", text), label)
 

@@ -7,7 +7,6 @@ import json
 import math
 import os
 import struct
-import tempfile
 import unittest
 import warnings
 from pathlib import Path
@@ -25,7 +24,7 @@ from sprag.view.replay import Player
 from sprag.view.server import Client, Stage, endpoint_of, is_loopback, refusal, text_of
 from sprag.view.watch import Watch
 
-from support import write_events
+from support import FolderTest, write_events
 
 SCENES = Path(os.environ["SPRAG_SOURCE_DIR"]) / "scenes"
 # Two carriages, the second between springs and a stop.
@@ -257,13 +256,11 @@ class WatchTest(unittest.TestCase):
             self.assertEqual(watch.closures[0].last, t)
 
 
-class InputTest(unittest.TestCase):
+class InputTest(FolderTest):
     def input_watch(self, text, t, value):
-        with tempfile.TemporaryDirectory() as folder:
-            rows = "".join(f"{t_k:.6f},{value_k:.17g}\n" for t_k, value_k in zip(t, value))
-            (Path(folder) / "force.csv").write_text("t,f\n" + rows)
-            (Path(folder) / "scene.toml").write_text(text)
-            return Watch(sprag.read_scene(Path(folder) / "scene.toml"))
+        rows = "".join(f"{t_k:.6f},{value_k:.17g}\n" for t_k, value_k in zip(t, value))
+        self.file("force.csv", "t,f\n" + rows)
+        return Watch(sprag.read_scene(self.file("scene.toml", text)))
 
     def input_of(self, watch, start, end):
         return json.loads(watch.curves("g1", Window(start, end, 100)))["input"]
@@ -289,14 +286,7 @@ class InputTest(unittest.TestCase):
         )
 
     def test_a_streamed_input_is_drawn_as_its_samples_arrive(self):
-        text = (SCENES / "swept_beam.toml").read_text()
-        text = text.replace('"records/', f'"{SCENES}/records/').replace(
-            'interpolation = "spline"',
-            'interpolation = "linear"\noutside = "hold"\nstream = true',
-        )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            watch = Watch(sprag.parse_scene(text))
+        watch = Watch(streamed_beam())
         gain = watch.machine.drawing["gain"]
         watch.take("SPRAG_CONTACTS", contacts(0.0, 1), 0.0)
         of = {"t0": 0.5, "dt": 0.001, "n": 3, "channels": 1, "value": [1.0, 2.0, 3.0] + [0.0] * 147}
@@ -309,6 +299,15 @@ class InputTest(unittest.TestCase):
         self.assertEqual(watch.of_others, 1)
 
 
+def streamed_beam():
+    """The swept beam with a streamed excitation."""
+    text = (SCENES / "swept_beam.toml").read_text().replace('"records/', f'"{SCENES}/records/')
+    streamed = 'interpolation = "linear"\noutside = "hold"\nstream = true'
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return sprag.parse_scene(text.replace('interpolation = "spline"', streamed))
+
+
 def log_of(messages):
     """An LCM log of (channel, data, arrival [us]), in the format of lcm-logger."""
     log = b""
@@ -318,11 +317,9 @@ def log_of(messages):
     return log
 
 
-class ReplayTest(unittest.TestCase):
+class ReplayTest(FolderTest):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = Path(folder.name)
+        super().setUp()
         self.scene = sprag.parse_scene(CARRIAGES, "two_carriages.toml")
         self.said = io.StringIO()
 
@@ -389,15 +386,7 @@ class ReplayTest(unittest.TestCase):
         )
 
     def test_a_streamed_excitation_is_that_of_the_log(self):
-        text = (SCENES / "swept_beam.toml").read_text()
-        text = text.replace('"records/', f'"{SCENES}/records/')
-        streamed = text.replace(
-            'interpolation = "spline"',
-            'interpolation = "linear"\noutside = "hold"\nstream = true',
-        )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            self.scene = sprag.parse_scene(streamed)
+        self.scene = streamed_beam()
         messages = self.messages(np.array([(0.1, 1, 3)], sprag.event_dtype))
         (self.folder / "run.lcmlog").write_bytes(log_of(messages))
         self.assertIsNone(self.play("run.lcmlog")[0].settled, "waits for samples")
