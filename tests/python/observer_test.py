@@ -198,10 +198,6 @@ class ObserverTest(unittest.TestCase):
             self.assertIn("1 event before the machine's t = 0", str(caught.warning))
             np.testing.assert_array_equal(events["t"], [1.0])
 
-    def test_contradictory_events_are_counted(self):
-        estimates = sprag.observe(scene(), [(0.5, 1, 2), (0.6, 1, 3)], 1.0)
-        self.assertEqual((estimates.taken, estimates.skipped), (1, 1))
-
     def test_energies_are_v(self):
         beam = scene()
         run = sprag.simulate(beam, 20.0)

@@ -463,7 +463,7 @@ class RefusalsTest(StudyTest):
         (self.folder / "own").mkdir()
         own = file.rename(self.folder / "own/rows.csv")
         text = own.read_text()
-        self.run_study(own, "own", code=2)
+        self.assertIn("would overwrite", self.run_study(own, "own", code=2).stderr)
         self.assertEqual(own.read_text(), text)
 
 

@@ -4,6 +4,7 @@ V, and do not depend on threads."""
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -125,13 +126,8 @@ class ToleranceTest(unittest.TestCase):
         np.testing.assert_allclose(K, 0.8 * rig.model.K, atol=1e-9)
 
     def test_drift_is_given_to_filters_only(self):
-        asked = {
-            "duration": 20.0,
-            "jitter": 1e-4,
-            "runs": 1,
-            "estimators": ["replica", "timing"],
-            "target": 1e6,
-        }
+        asked = {"jitter": 1e-4, "estimators": ["replica", "timing"], "duration": 20.0}
+        asked |= {"runs": 1, "target": 1e6}
         plain, drifting = (sprag.tolerance("lab_rig", drift=d, **asked) for d in (None, 1e-3))
         self.assertEqual((plain.drift, drifting.drift), (0.0, 1e-3))
         before, after = (found.points["median"][:2] for found in (plain, drifting))
@@ -310,12 +306,7 @@ class ProgramTest(FolderTest):
 
     def test_a_machine_without_contacts_that_close(self):
         text = (SOURCE / "scenes/impact_oscillator.toml").read_text()
-        file = self.folder / "far.toml"
-        lines = [
-            "clearance = 1e3" if line.startswith("clearance") else line
-            for line in text.splitlines()
-        ]
-        file.write_text("\n".join(lines))
+        file = self.file("far.toml", re.sub("(?m)^clearance = .*", "clearance = 1e3", text))
         done = self.run_program(file, code=1)
         self.assertIn("no contact of the machine closes", done.stderr)
 
