@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <utility>
 
 #include "sprag/detail/files/events_writer.h"
 #include "tests/support/temporary_directory.h"
@@ -83,21 +84,27 @@ TEST_F(EventsFileTest, RandomSequencesRoundTripBitForBit) {
   }
 }
 
-TEST_F(EventsFileTest, PulseSurvivesRowsOfOtherContactsInBetween) {
-  const auto result = read("1,1,1\n1,2,1\n1,3,1\n1,1,0\n1,3,0\n2,2,0\n");
-  EXPECT_EQ(result.events,
-            (std::vector<ContactEvent>{
-                {1.0, 0, pulse}, {1.0, 1, closes}, {1.0, 2, pulse}, {2.0, 1, opens}}));
-  EXPECT_TRUE(result.skipped.empty());
-}
-
-TEST_F(EventsFileTest, OpeningAndClosingAtOneInstantIsNoPulse) {
-  const auto result = read("1,1,1\n2,1,0\n2,1,1\n3,1,0\n");
-  EXPECT_EQ(result.events,
-            (std::vector<ContactEvent>{
-                {1.0, 0, closes}, {2.0, 0, opens}, {2.0, 0, closes}, {3.0, 0, opens}}));
-  const auto twice = read("1,1,1\n1,1,0\n1,1,1\n1,1,0\n");
-  EXPECT_EQ(twice.events, (std::vector<ContactEvent>{{1.0, 0, pulse}, {1.0, 0, pulse}}));
+TEST_F(EventsFileTest, ValidRowsAreRead) {
+  using Events = std::vector<ContactEvent>;
+  const std::string header = "t,contact,closed\n";
+  for (const auto& [text, events] : std::vector<std::pair<std::string, Events>>{
+           // A pulse, with rows of other contacts in between.
+           {header + "1,1,1\n1,2,1\n1,3,1\n1,1,0\n1,3,0\n2,2,0\n",
+            {{1.0, 0, pulse}, {1.0, 1, closes}, {1.0, 2, pulse}, {2.0, 1, opens}}},
+           {header + "1,1,1\n1,1,0\n1,1,1\n1,1,0\n", {{1.0, 0, pulse}, {1.0, 0, pulse}}},
+           // Opening and closing at one instant is none.
+           {header + "1,1,1\n2,1,0\n2,1,1\n3,1,0\n",
+            {{1.0, 0, closes}, {2.0, 0, opens}, {2.0, 0, closes}, {3.0, 0, opens}}},
+           // Plus signs and a byte order mark, blanks and empty lines, the line ends of Windows.
+           {"\xEF\xBB\xBF" + header + "+0.5,+1,+1\n 1.5e+0,1,0\n",
+            {{0.5, 0, closes}, {1.5, 0, opens}}},
+           {"t,contact,closed\r\n1, 2 ,1\r\n\r\n2,2,0\r\n\r\n",
+            {{1.0, 1, closes}, {2.0, 1, opens}}}}) {
+    const EventsFile result = read_events(write_text(directory_ / "events.csv", text), 3);
+    EXPECT_EQ(result.events, events) << text;
+    EXPECT_TRUE(result.skipped.empty()) << text;
+    EXPECT_FALSE(result.damage) << text;
+  }
 }
 
 TEST_F(EventsFileTest, ContradictoryRowsAreSkipped) {
@@ -140,18 +147,6 @@ TEST_F(EventsFileTest, AContactOrAFlagOutOfRangeIsAnError) {
             ":3:7: closed is -1; must be 1 (the contact closes) or 0 (it opens)");
 }
 
-TEST_F(EventsFileTest, PlusSignsAndAByteOrderMarkAreRead) {
-  const auto result =
-      read_events(write_text(directory_ / "events.csv",
-                             "\xEF\xBB\xBFt,contact,closed\n+0.5,+1,+1\n 1.5e+0,1,0\n"),
-                  1);
-  EXPECT_EQ(result.events, (std::vector<ContactEvent>{{0.5, 0, closes}, {1.5, 0, opens}}));
-  EXPECT_FALSE(result.damage);
-  for (const char* bad : {"+-1,1,1\n", "++1,1,1\n", "+,1,1\n", "1,+-1,1\n"}) {
-    EXPECT_TRUE(read(bad).damage) << bad;
-  }
-}
-
 TEST_F(EventsFileTest, DisproportionateGapIsImplausible) {
   std::string rows;
   for (int i = 1; i <= 10; ++i) {
@@ -178,9 +173,10 @@ TEST_F(EventsFileTest, DisproportionateGapIsImplausible) {
 }
 
 TEST_F(EventsFileTest, DamageEndsReadingAndKeepsEarlierRows) {
-  for (const char* bad : {"x,1,1\n", "2,1\n", "2,1,0,7\n", "2,one,0\n", "2,1.5,0\n", "nan,1,0\n",
-                          "inf,1,0\n", "-1,1,0\n", "1e999,1,0\n", "0x2,1,0\n", "2,1,0 0\n",
-                          "2,,0\n", " \n", "2,1,99999999999999999999\n"}) {
+  for (const char* bad :
+       {"x,1,1\n", "2,1\n", "2,1,0,7\n", "2,one,0\n", "2,1.5,0\n", "nan,1,0\n", "inf,1,0\n",
+        "-1,1,0\n", "1e999,1,0\n", "0x2,1,0\n", "2,1,0 0\n", "2,,0\n", " \n",
+        "2,1,99999999999999999999\n", "+-2,1,0\n", "++2,1,0\n", "+,1,0\n", "2,+-1,0\n"}) {
     const auto result = read("1,1,1\n" + std::string(bad) + "3,1,0\n");
     SCOPED_TRACE(bad);
     EXPECT_EQ(result.events, (std::vector<ContactEvent>{{1.0, 0, closes}}));
@@ -206,14 +202,6 @@ TEST_F(EventsFileTest, WrongHeaderEmptyFileAndZerosAreDamageAtLineOne) {
     EXPECT_EQ(result.damage->line, 1U);
     EXPECT_TRUE(result.events.empty());
   }
-}
-
-TEST_F(EventsFileTest, WindowsLineEndsBlanksAndEmptyLinesAreAccepted) {
-  const auto file =
-      write_text(directory_ / "events.csv", "t,contact,closed\r\n1, 2 ,1\r\n\r\n2,2,0\r\n\r\n");
-  const auto result = read_events(file, 2);
-  EXPECT_EQ(result.events.size(), 2U);
-  EXPECT_FALSE(result.damage);
 }
 
 TEST_F(EventsFileTest, CarriageReturnAloneEndsLine) {

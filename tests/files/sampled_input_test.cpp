@@ -231,6 +231,17 @@ TEST_F(RecordedInput, BadKeysAreRefusedWithPlaceReasonAndRemedy) {
   expect_error(good_record, "x.toml:11:15: excitation.uncertainty is for an acceleration",
                "quantity = \"displacement\"\nuncertainty = 0.1\n");
   expect_error(good_record, "x.toml:10:8: excitation.unit is 0; must be", "unit = 0.0\n");
+  expect_error(good_record, "x.toml:10:8: excitation.gain is 0", "gain = 0.0\n");
+  std::string harmonic(recorded_beam);
+  harmonic.replace(harmonic.find("file = \"base.csv\""), 17,
+                   "amplitude = 1.0\nfrequency = 2.0\ndelay = 0.1");
+  try {
+    parse_scene(harmonic, "x.toml");
+    ADD_FAILURE() << "not refused";
+  } catch (const SceneError& error) {
+    EXPECT_NE(error.message.find("excitation.delay is for a recorded input"), std::string::npos)
+        << error.message;
+  }
   expect_error(good_record, "x.toml:10:11: excitation.outside is \"stop\"; must be",
                "outside = \"stop\"\n");
   for (const char* more :
@@ -324,22 +335,6 @@ TEST_F(RecordedInput, GainAndDelay) {
   EXPECT_EQ(
       scene_of(good_record, "gain = -2.0\nuncertainty = 0.1\n").model.forces[0].input->noise(),
       0.2);
-}
-
-TEST_F(RecordedInput, BadGainAndDelay) {
-  expect_error(good_record, "x.toml:10:8: excitation.gain is 0", "gain = 0.0\n");
-  std::string text(recorded_beam);
-  const std::string line = "file = \"base.csv\"\n";
-  text.replace(text.find(line), line.size(), "amplitude = 1.0\nfrequency = 2.0\ndelay = 0.1\n");
-  test::write_text(path("y.toml"), text);
-  try {
-    read_scene(path("y.toml"));
-    FAIL();
-  } catch (const SceneError& error) {
-    EXPECT_NE(std::string(error.what()).find("excitation.delay is for a recorded input"),
-              std::string::npos)
-        << error.what();
-  }
 }
 
 // A displacement goes on with its first velocity.

@@ -116,6 +116,7 @@ TEST(SceneWriter, ShippedScenesRoundTripBitForBit) {
     const Scene scene = read_scene(entry.path());
     const Scene again = written_and_read(scene);
     EXPECT_EQ(bits_of(again), bits_of(scene)) << entry.path();
+    EXPECT_EQ(scene.name, entry.path().stem().string());
     EXPECT_EQ(again.name, scene.name);
     EXPECT_EQ(again.beam.has_value(), scene.beam.has_value());
     ++count;
