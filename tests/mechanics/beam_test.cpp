@@ -91,14 +91,9 @@ TEST(Beam, MeansMatchReference) {
   }
 }
 
-TEST(Beam, TipHasThePrintedSign) {
+TEST(Beam, TipHasThePrintedSignAndClampDoesNotMove) {
   for (int i = 1; i <= 200; ++i) {
     EXPECT_DOUBLE_EQ(mode_shape(i, 1.0), i % 2 == 1 ? -2.0 : 2.0) << "i = " << i;
-  }
-}
-
-TEST(Beam, DisplacementAndSlopeVanishAtClamp) {
-  for (int i = 1; i <= 200; ++i) {
     EXPECT_EQ(mode_shape(i, 0.0), 0.0);
     // v = -(beta x)^2 to leading order.
     const double y = 1e-9;
@@ -144,13 +139,6 @@ TEST(Beam, LowModesAreOrthonormal) {
           integral([&](double xi) { return mode_shape(i, xi) * mode_shape(j, xi); });
       EXPECT_NEAR(product, i == j ? 1.0 : 0.0, 1e-9) << "i = " << i << ", j = " << j;
     }
-  }
-}
-
-TEST(Beam, MeansEqualIntegralsOfShapes) {
-  for (int i = 1; i <= 5; ++i) {
-    EXPECT_NEAR(integral([&](double xi) { return mode_shape(i, xi); }), mode_mean(i), 1e-9)
-        << "i = " << i;
   }
 }
 

@@ -4,81 +4,49 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <sstream>
-#include <string>
 #include <vector>
 
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/replica/replica.h"
-#include "tests/support/random.h"
+#include "tests/mechanics/reference_rows.h"
 #include "tests/support/run.h"
 
 namespace sprag {
 namespace {
 
-std::vector<std::vector<double>> rows(const std::string& name) {
-  std::ifstream file(SPRAG_SOURCE_DIR "/tests/reference/" + name + ".csv");
-  EXPECT_TRUE(file) << name;
-  std::vector<std::vector<double>> all;
-  std::string line;
-  std::getline(file, line);
-  while (std::getline(file, line)) {
-    std::istringstream fields(line);
-    std::string field;
-    all.emplace_back();
-    while (std::getline(fields, field, ',')) all.back().push_back(std::stod(field));
-  }
-  return all;
-}
-
-void expect_impacts(const Scene& scene, const std::vector<double>& row, double tolerance,
-                    double& worst) {
-  Master master(scene.model, scene.truth.start);
-  std::vector<ContactEvent> events;
-  master.advance(at(3.0), events);
-  ASSERT_GE(events.size(), 3U);
-  for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(events[i].kind, ContactEventKind::pulse);
-    EXPECT_NEAR(events[i].t, row[2 + i], tolerance) << "impact " << i + 1;
-    worst = std::max(worst, std::abs(events[i].t - row[2 + i]));
-  }
-}
-
+// The ball's own machine, and the same ball on an incline, as one of the two modes of matrices that
+// are not diagonal.
 TEST(SoftSpring, TimeOfFallMatchesClosedForm) {
-  double worst = 0.0;
-  for (const auto& row : rows("soft_springs")) {
-    SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
-    Scene scene = test::shipped_scene("bouncing_ball");
-    scene.model.K(0, 0) = row[0];
-    scene.model.C(0, 0) = row[1];
-    expect_impacts(scene, row, 1e-13, worst);
+  const Eigen::Vector2d along(0.6, 0.8), across(-0.8, 0.6);
+  for (const bool inclined : {false, true}) {
+    double worst = 0.0;
+    for (const auto& row : test::reference_rows("soft_springs")) {
+      SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
+      Scene scene = test::shipped_scene("bouncing_ball");
+      Model& model = scene.model;
+      model.K(0, 0) = row[0];
+      model.C(0, 0) = row[1];
+      if (inclined) {
+        model.M = Eigen::Matrix2d::Identity();
+        model.K = row[0] * along * along.transpose() + 2.0 * across * across.transpose();
+        model.C = row[1] * along * along.transpose() + 0.3 * across * across.transpose();
+        model.forces.front().direction = model.contacts.front().w = along;
+        scene.truth.start = {0.9 * along, Eigen::Vector2d::Zero()};
+        ASSERT_EQ(Flow(Dynamics(model), 0).path(), FlowPath::modal);
+      }
+      const std::vector<ContactEvent> events = test::events_of(scene, 3.0);
+      ASSERT_GE(events.size(), 3U);
+      for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(events[i].kind, ContactEventKind::pulse);
+        // Rounding relative to the other mode's K and C changes those of this mode by about 1e-16.
+        EXPECT_NEAR(events[i].t, row[2 + i], inclined ? 1e-12 : 1e-13) << "impact " << i + 1;
+        worst = std::max(worst, std::abs(events[i].t - row[2 + i]));
+      }
+    }
+    std::cout << "impacts off by " << worst << " at most\n";
   }
-  std::cout << "impacts off by " << worst << " at most\n";
-}
-
-// The same ball on an incline, as one of the two modes of matrices that are not diagonal.
-TEST(SoftSpring, TimeOfFallMatchesClosedFormOnAnyPath) {
-  const Eigen::Vector2d along(0.6, 0.8);
-  const Eigen::Vector2d across(-0.8, 0.6);
-  double worst = 0.0;
-  for (const auto& row : rows("soft_springs")) {
-    SCOPED_TRACE(testing::Message() << "K = " << row[0] << ", C = " << row[1]);
-    Scene scene = test::shipped_scene("bouncing_ball");
-    Model& model = scene.model;
-    model.M = Eigen::Matrix2d::Identity();
-    model.K = row[0] * along * along.transpose() + 2.0 * across * across.transpose();
-    model.C = row[1] * along * along.transpose() + 0.3 * across * across.transpose();
-    model.forces.front().direction = along;
-    model.contacts.front().w = along;
-    scene.truth.start = {0.9 * along, Eigen::Vector2d::Zero()};
-    ASSERT_EQ(Flow(Dynamics(model), 0).path(), FlowPath::modal);
-    // Rounding relative to the other mode's K and C changes those of this mode by about 1e-16.
-    expect_impacts(scene, row, 1e-12, worst);
-  }
-  std::cout << "impacts off by " << worst << " at most\n";
 }
 
 // M = K = 1 under 0.1 cos(Omega t).
@@ -98,11 +66,17 @@ double resonant_rounding(double damping, double t) {
   return machine_epsilon * largest * (8.0 + t);
 }
 
-TEST(NearResonance, FlowMatches50DigitReference) {
+// The flow in one step, and up to t = 1000 the ticks of a replica.
+TEST(NearResonance, FlowAndTicksMatch50DigitReference) {
   double worst = 0.0;
-  for (const auto& row : rows("near_resonance")) {
+  for (const auto& row : test::reference_rows("near_resonance")) {
     SCOPED_TRACE(testing::Message()
                  << "Omega - 1 = " << row[0] - 1.0 << ", C = " << row[1] << ", t = " << row[2]);
+    const double rounding = resonant_rounding(row[1], row[2]);
+    const auto expect_near = [&](const State& here, double roundings) {
+      EXPECT_NEAR(here.q[0], row[3], roundings * rounding);
+      EXPECT_NEAR(here.u[0], row[4], roundings * rounding);
+    };
     const Dynamics dynamics(oscillator(row[0], row[1]));
     const Flow flow(dynamics, 0);
     Motion motion;
@@ -110,32 +84,19 @@ TEST(NearResonance, FlowMatches50DigitReference) {
     flow.propagate(motion, at(row[2]), motion);
     State here = pushed_off;
     flow.state(motion, here.q, here.u);
-    const double rounding = resonant_rounding(row[1], row[2]);
-    EXPECT_NEAR(here.q[0], row[3], rounding);
-    EXPECT_NEAR(here.u[0], row[4], rounding);
+    expect_near(here, 1.0);
     worst = std::max(
         {worst, std::abs(here.q[0] - row[3]) / rounding, std::abs(here.u[0] - row[4]) / rounding});
-  }
-  std::cout << "off by " << worst << " of the roundings to expect\n";
-}
-
-TEST(NearResonance, TicksEqualFlow) {
-  constexpr double h = 1.0 / 64.0;
-  for (const auto& row : rows("near_resonance")) {
     if (row[2] > 1000.0) continue;
-    SCOPED_TRACE(testing::Message()
-                 << "Omega - 1 = " << row[0] - 1.0 << ", C = " << row[1] << ", t = " << row[2]);
+    constexpr double h = 1.0 / 64.0;
     Replica replica(oscillator(row[0], row[1]), h);
     ReplicaState state;
     replica.start(pushed_off, 0, 0, state);
-    const auto ticks = static_cast<int>(row[2] / h);
-    for (int k = 0; k < ticks; ++k) replica.tick({}, state);
-    State here = pushed_off;
+    for (int k = 0; k < static_cast<int>(row[2] / h); ++k) replica.tick({}, state);
     replica.output(state, here.q, here.u);
-    const double rounding = 8.0 * resonant_rounding(row[1], row[2]);
-    EXPECT_NEAR(here.q[0], row[3], rounding);
-    EXPECT_NEAR(here.u[0], row[4], rounding);
+    expect_near(here, 8.0);
   }
+  std::cout << "off by " << worst << " of the roundings to expect\n";
 }
 
 // An undamped oscillator in exact resonance whose amplitude grows up to a stop: q = t sin(t) / 20

@@ -22,48 +22,47 @@
 namespace sprag {
 namespace {
 
-TEST(EventSearch, FindsFirstRootOfRandomSignals) {
+// Searches in drawn problems, which draw(random) makes, up to T.
+template <typename Draw>
+void check_first_roots(std::uint64_t first_seed, int count, double T, double h, const Draw& draw) {
   Tally tally;
-  for (int i = 0; i < repetitions(20000); ++i) {
-    const std::uint64_t seed = 100000 + static_cast<std::uint64_t>(i);
+  for (int i = 0; i < count && !testing::Test::HasFailure(); ++i) {
+    const std::uint64_t seed = first_seed + static_cast<std::uint64_t>(i);
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     Random random(seed);
-    Problem problem = random_problem(random);
-    const double size = problem.magnitude(*problem.start);
-    shift_to(problem, size * random.log_uniform(1e-4, 2.0));
-    check_first_root(problem, search(problem, 2.0), 2.0, 1e-3, tally);
-    if (HasFailure()) return;
+    const Problem problem = draw(random);
+    check_first_root(problem, search(problem, T), T, h, tally);
   }
   std::cout << "roots found " << tally.found << ", none to find " << tally.none
             << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
-  EXPECT_GT(tally.found, tally.none);
-  EXPECT_GT(tally.none, repetitions(20000) / 10);
+  EXPECT_GT(tally.found, count / 3);
+  EXPECT_GT(tally.none, count / 10);
+}
+
+void lift(Random& random, double least, double most, Problem& problem) {
+  shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(least, most));
+}
+
+TEST(EventSearch, FindsFirstRootOfRandomSignals) {
+  check_first_roots(100000, repetitions(20000), 2.0, 1e-3, [](Random& random) {
+    Problem problem = random_problem(random);
+    lift(random, 1e-4, 2.0, problem);
+    return problem;
+  });
 }
 
 TEST(EventSearch, FindsFirstRootAtAndNearResonance) {
-  Tally tally;
-  for (int i = 0; i < repetitions(5000); ++i) {
-    const std::uint64_t seed = 150000 + static_cast<std::uint64_t>(i);
-    SCOPED_TRACE(testing::Message() << "seed " << seed);
-    Random random(seed);
+  check_first_roots(150000, repetitions(5000), 2.0, 1e-3, [](Random& random) {
     Problem problem = random_problem(random, 60.0, true);
-    ASSERT_FALSE(problem.flow->drives().empty());
-    const double size = problem.magnitude(*problem.start);
-    shift_to(problem, size * random.log_uniform(1e-4, 4.0));
-    check_first_root(problem, search(problem, 2.0), 2.0, 1e-3, tally);
-    if (HasFailure()) return;
-  }
-  std::cout << "roots found " << tally.found << ", none to find " << tally.none
-            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+    EXPECT_FALSE(problem.flow->drives().empty());
+    lift(random, 1e-4, 4.0, problem);
+    return problem;
+  });
 }
 
 TEST(EventSearch, FindsFirstRootOfStiffBeamSignals) {
   const Scene scene = read_scene(SPRAG_SOURCE_DIR "/scenes/stiff_beam.toml");
-  Tally tally;
-  for (int i = 0; i < repetitions(400); ++i) {
-    const std::uint64_t seed = 200000 + static_cast<std::uint64_t>(i);
-    SCOPED_TRACE(testing::Message() << "seed " << seed);
-    Random random(seed);
+  check_first_roots(200000, repetitions(400), 0.2, 2e-5, [&](Random& random) {
     Problem problem(scene.model);
     const Eigen::Index f = scene.model.coordinates();
     const Eigen::ArrayXd w = scene.model.K.diagonal().array().sqrt();
@@ -74,12 +73,9 @@ TEST(EventSearch, FindsFirstRootOfStiffBeamSignals) {
     state.q.array() *= w.pow(-fall - 1.0);
     problem.enter(state, random.uniform(0.0, 20.0));
     problem.signal = random.chance(0.5) ? problem.flow->gap(0) : problem.flow->gap_velocity(0);
-    shift_to(problem, problem.magnitude(*problem.start) * random.log_uniform(1e-3, 2.0));
-    check_first_root(problem, search(problem, 0.2), 0.2, 2e-5, tally);
-    if (HasFailure()) return;
-  }
-  std::cout << "roots found " << tally.found << ", none to find " << tally.none
-            << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
+    lift(random, 1e-3, 2.0, problem);
+    return problem;
+  });
 }
 
 // Signals with an interior minimum within T, shifted so that it is just below or above zero.

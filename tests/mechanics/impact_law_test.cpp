@@ -64,62 +64,39 @@ VectorXd numbers(std::initializer_list<double> list) {
 double distance(const VectorXd& a, const VectorXd& b) { return (a - b).cwiseAbs().maxCoeff(); }
 
 // G = [[1, -0.8], [-0.8, 1]], gamma- = (-1, 0.3): the second contact separates before, and the
-// impulse of the first pushes it back.
-class TwoContacts : public testing::TestWithParam<bool> {
- protected:
-  void SetUp() override {
-    MatrixXd W0(2, 2);
-    W0 << 1.0, -0.8, 0.0, 0.6;
-    M = MatrixXd::Identity(2, 2);
-    if (GetParam()) M << 2.0, 0.6, 0.6, 0.5;
-    W = product(CholeskyFactor(M).L(), W0);
-    u = inverse(MatrixXd(W.transpose())) * numbers({-1.0, 0.3});
+// impulse of the first pushes it back. Newton's law, gamma+ = -E gamma- with both contacts pressed,
+// lets it approach afterwards, Poisson's stops it: compression Lambda_C = (0.76, 0.5) / 0.36,
+// expansion E Lambda_C, and nu against penetration.
+TEST(TwoContacts, FollowTheLawsByHand) {
+  using Eigen::Vector2d;
+  const double nu = (0.8 * 0.532 - 0.1) / 0.36, nu_1 = 0.8 * 0.5 / 0.36;
+  const struct {
+    ImpactLaw law;
+    Vector2d epsilon, gamma_plus, Lambda;
+  } cases[] = {
+      {ImpactLaw::newton, {0.7, 0.7}, {0.7, -0.21}, {1.7 * 0.76 / 0.36, 1.7 * 0.5 / 0.36}},
+      {ImpactLaw::poisson, {0.7, 0.7}, {0.532, 0.0}, {1.7 * 0.76 / 0.36, 1.7 * 0.5 / 0.36 + 0.21}},
+      {ImpactLaw::newton, {0.7, 0.2}, {0.7, -0.06}, {1.412 / 0.36, 1.0 / 0.36}},
+      {ImpactLaw::poisson, {0.7, 0.2}, {0.532, 0.0}, {1.292 / 0.36, 0.6 / 0.36 + nu}},
+      // The second contact expands more than the first and leaves with 0.38.
+      {ImpactLaw::poisson,
+       {0.0, 1.0},
+       {0.0, 0.5 / 0.36 - 0.8 * nu_1},
+       {0.76 / 0.36 + nu_1, 1.0 / 0.36}}};
+  MatrixXd W0(2, 2);
+  W0 << 1.0, -0.8, 0.0, 0.6;
+  MatrixXd coupled(2, 2);
+  coupled << 2.0, 0.6, 0.6, 0.5;
+  for (const MatrixXd& M : {MatrixXd(MatrixXd::Identity(2, 2)), coupled}) {
+    const MatrixXd W = product(CholeskyFactor(M).L(), W0);
+    const VectorXd u = inverse(MatrixXd(W.transpose())) * numbers({-1.0, 0.3});
+    for (const auto& of : cases) {
+      const Outcome out = impact_on(of.law, M, W, of.epsilon, u);
+      EXPECT_LE(distance(out.gamma_plus, of.gamma_plus), 1e-14) << of.epsilon.transpose();
+      EXPECT_LE(distance(out.Lambda, of.Lambda), 1e-13) << of.epsilon.transpose();
+      EXPECT_LE(distance(W.transpose() * out.u_plus, out.gamma_plus), 1e-14);
+    }
   }
-
-  MatrixXd M, W;
-  VectorXd u;
-};
-INSTANTIATE_TEST_SUITE_P(Masses, TwoContacts, testing::Values(false, true),
-                         [](const auto& parameter) {
-                           return std::string(parameter.param ? "Coupled" : "Unit");
-                         });
-
-TEST_P(TwoContacts, NewtonLetsTheSecondContactApproachAfterwards) {
-  const Outcome out = impact_on(ImpactLaw::newton, M, W, numbers({0.7, 0.7}), u);
-  EXPECT_LE(distance(out.gamma_plus, numbers({0.7, -0.21})), 1e-14);
-  // Lambda = 1.7 (0.76, 0.5) / 0.36
-  EXPECT_LE(distance(out.Lambda, numbers({1.7 * 0.76 / 0.36, 1.7 * 0.5 / 0.36})), 1e-13);
-  EXPECT_LE(distance(W.transpose() * out.u_plus, out.gamma_plus), 1e-14);
-  EXPECT_NEAR(kinetic_energy(M, out.u_plus), 0.49 * kinetic_energy(M, u), 1e-14);
-}
-
-TEST_P(TwoContacts, PoissonStopsTheSecondContact) {
-  const Outcome out = impact_on(ImpactLaw::poisson, M, W, numbers({0.7, 0.7}), u);
-  EXPECT_LE(distance(out.gamma_plus, numbers({0.532, 0.0})), 1e-14);
-  EXPECT_EQ(out.gamma_plus[1], 0.0);
-  // Compression Lambda_C = (0.76, 0.5) / 0.36, expansion 0.7 Lambda_C and nu_2 = 0.21.
-  EXPECT_LE(distance(out.Lambda, numbers({1.7 * 0.76 / 0.36, 1.7 * 0.5 / 0.36 + 0.21})), 1e-13);
-  EXPECT_LE(distance(W.transpose() * out.u_plus, out.gamma_plus), 1e-14);
-  EXPECT_LT(kinetic_energy(M, out.u_plus), kinetic_energy(M, u));
-}
-
-TEST_P(TwoContacts, UnlikeRestitution) {
-  // Newton: gamma+ = -E gamma- with both contacts pressed.
-  const Outcome newton = impact_on(ImpactLaw::newton, M, W, numbers({0.7, 0.2}), u);
-  EXPECT_LE(distance(newton.gamma_plus, numbers({0.7, -0.06})), 1e-14);
-  EXPECT_LE(distance(newton.Lambda, numbers({1.412 / 0.36, 1.0 / 0.36})), 1e-13);
-
-  // Poisson: expansion (0.532, 0.1) / 0.36 gives G (.) = (1.2555.., -0.9044..), nu_2 = 0.9044..
-  const double nu = (0.8 * 0.532 - 0.1) / 0.36;
-  const Outcome poisson = impact_on(ImpactLaw::poisson, M, W, numbers({0.7, 0.2}), u);
-  EXPECT_LE(distance(poisson.gamma_plus, numbers({0.532, 0.0})), 1e-14);
-  EXPECT_LE(distance(poisson.Lambda, numbers({1.292 / 0.36, 0.6 / 0.36 + nu})), 1e-13);
-
-  // In the opposite case the second contact expands more than the first and leaves with 0.38.
-  const Outcome turned = impact_on(ImpactLaw::poisson, M, W, numbers({0.0, 1.0}), u);
-  const double nu_1 = 0.8 * 0.5 / 0.36;
-  EXPECT_LE(distance(turned.gamma_plus, numbers({0.0, 0.5 / 0.36 - 0.8 * nu_1})), 1e-14);
-  EXPECT_LE(distance(turned.Lambda, numbers({0.76 / 0.36 + nu_1, 1.0 / 0.36})), 1e-13);
 }
 
 // An elastic ball hits two that touch: in the expansion the second contact transmits the impulse
@@ -196,20 +173,34 @@ struct Problem {
 // Impulses are of the order of velocities over the smallest eigenvalue of G.
 double scale(const Outcome& out) { return 1.0 + out.Lambda.maxCoeff(); }
 
-// Both laws as inequalities, independent of the solver.
+// Both laws as inequalities, independent of the solver. Neither gains energy, Newton's with one
+// restitution; without restitution pressed contacts stop exactly.
 TEST(Impact, SatisfiesInequalitiesOfItsLaw) {
   Random random(21);
+  int stopped = 0;
   for (int i = 0; i < repetitions(20000); ++i) {
     SCOPED_TRACE("seed 21, case " + std::to_string(i));
     Problem p(random);
-    p.unlike(random);
+    const bool unlike = random.chance(0.5);
+    if (unlike) p.unlike(random);
+    if (!unlike && random.chance(0.4)) p.epsilon.setConstant(random.integer(0, 1));
     const VectorXd gamma = p.W.transpose() * p.u;
+    const double energy = kinetic_energy(p.M, p.u);
     const Outcome newton = p(ImpactLaw::newton);
     const Outcome poisson = p(ImpactLaw::poisson);
     for (const Outcome* out : {&newton, &poisson}) {
       ASSERT_LE(distance(out->gamma_plus, gamma + p.G * out->Lambda), 1e-12 * scale(*out));
       ASSERT_LE(distance(out->gamma_plus, p.W.transpose() * out->u_plus), 1e-12 * scale(*out));
       ASSERT_GE(out->Lambda.minCoeff(), 0.0);
+      if (out == &newton && unlike) continue;
+      ASSERT_LE(kinetic_energy(p.M, out->u_plus), energy + 1e-12 * scale(*out));
+      if (!p.epsilon.isZero(0.0)) continue;
+      ASSERT_GE(out->gamma_plus.minCoeff(), 0.0);
+      for (Eigen::Index k = 0; k < p.contacts(); ++k) {
+        if (!(out->Lambda[k] > 0.0)) continue;
+        ++stopped;
+        ASSERT_EQ(out->gamma_plus[k], 0.0);
+      }
     }
     const VectorXd kinematic = newton.gamma_plus + p.epsilon.cwiseProduct(gamma);
     ASSERT_GE(kinematic.minCoeff(), -1e-15);
@@ -224,42 +215,7 @@ TEST(Impact, SatisfiesInequalitiesOfItsLaw) {
     ASSERT_GE(poisson.gamma_plus.minCoeff(), 0.0);
     ASSERT_LE(nu.cwiseProduct(poisson.gamma_plus).cwiseAbs().maxCoeff(), 1e-13 * scale(poisson));
   }
-}
-
-TEST(Impact, WithoutRestitutionPressedContactsStop) {
-  Random random(22);
-  int pressed = 0;
-  for (int i = 0; i < repetitions(20000); ++i) {
-    Problem p(random);
-    p.epsilon.setZero();
-    for (const ImpactLaw law : laws) {
-      const Outcome out = p(law);
-      ASSERT_GE(out.gamma_plus.minCoeff(), 0.0);
-      for (Eigen::Index k = 0; k < p.contacts(); ++k) {
-        if (!(out.Lambda[k] > 0.0)) continue;
-        ++pressed;
-        ASSERT_EQ(out.gamma_plus[k], 0.0) << "case " << i;
-      }
-    }
-  }
-  EXPECT_GT(pressed, repetitions(20000));
-}
-
-TEST(Impact, NeverGainsEnergy) {
-  Random random(23);
-  for (int i = 0; i < repetitions(20000); ++i) {
-    Problem p(random);
-    if (random.chance(0.2)) p.epsilon.setOnes();
-    const double before = kinetic_energy(p.M, p.u);
-    for (const ImpactLaw law : laws) {
-      const Outcome out = p(law);
-      ASSERT_LE(kinetic_energy(p.M, out.u_plus), before + 1e-12 * scale(out)) << "case " << i;
-    }
-    // Poisson is dissipative for any restitution.
-    p.unlike(random);
-    const Outcome out = p(ImpactLaw::poisson);
-    ASSERT_LE(kinetic_energy(p.M, out.u_plus), before + 1e-12 * scale(out)) << "case " << i;
-  }
+  EXPECT_GT(stopped, repetitions(20000) / 10);
 }
 
 TEST(Impact, SeparatingContactHasNoImpulse) {
@@ -291,9 +247,13 @@ TEST(Impact, SeparatingContactHasNoImpulse) {
   }
 }
 
-TEST(Impact, DoesNotDependOnTheOrderOfTheContacts) {
-  Random random(25);
+// Of the order of the contacts, of the scale of the velocities (a power of two rounds equally), and
+// of the unit of a gap: w -> s w, gamma -> s gamma, Lambda -> Lambda / s, and the motion is the
+// same.
+TEST(Impact, DoesNotDependOnOrderScaleAndUnits) {
+  Random random(25), changes(26);
   for (int i = 0; i < repetitions(10000); ++i) {
+    SCOPED_TRACE("seed 25, case " + std::to_string(i));
     Problem p(random, 8);
     p.unlike(random);
     std::vector<Eigen::Index> order(static_cast<std::size_t>(p.contacts()));
@@ -302,56 +262,29 @@ TEST(Impact, DoesNotDependOnTheOrderOfTheContacts) {
       const auto j = static_cast<std::size_t>(random.integer(0, static_cast<int>(k) - 1));
       std::swap(order[k - 1], order[j]);
     }
-    Problem permuted = p;
+    Problem permuted = p, faster = p, other = p;
     permuted.W = p.W(Eigen::all, order);
     permuted.epsilon = p.epsilon(order);
-    for (const ImpactLaw law : laws) {
-      const Outcome out = p(law);
-      const Outcome other = permuted(law);
-      ASSERT_LE(distance(out.Lambda(order), other.Lambda), 1e-12 * scale(out)) << "case " << i;
-      ASSERT_LE(distance(out.gamma_plus(order), other.gamma_plus), 1e-12 * scale(out));
-    }
-  }
-}
-
-TEST(Impact, ScalesWithTheVelocities) {
-  Random random(26);
-  for (int i = 0; i < repetitions(10000); ++i) {
-    Problem p(random, 8);
-    p.unlike(random);
-    Problem faster = p;
-    // A power of two rounds equally, another factor nearly so.
-    const bool binary = random.chance(0.5);
-    const double factor = binary ? 0x1p40 : random.log_uniform(1e-9, 1e9);
+    const bool binary = changes.chance(0.5);
+    const double factor = binary ? 0x1p40 : changes.log_uniform(1e-9, 1e9);
     faster.u *= factor;
-    for (const ImpactLaw law : laws) {
-      const Outcome out = p(law);
-      const Outcome scaled = faster(law);
-      const double tolerance = binary ? 0.0 : 1e-12 * scale(out);
-      ASSERT_LE(distance(scaled.Lambda / factor, out.Lambda), tolerance) << "case " << i;
-      ASSERT_LE(distance(scaled.gamma_plus / factor, out.gamma_plus), tolerance);
-    }
-  }
-}
-
-// The unit of a contact's gap is arbitrary: w -> s w, gamma -> s gamma, Lambda -> Lambda / s, and
-// the motion is the same.
-TEST(Impact, DoesNotDependOnTheUnitOfAGap) {
-  Random random(27);
-  for (int i = 0; i < repetitions(10000); ++i) {
-    Problem p(random, 8);
-    p.unlike(random);
-    Problem other = p;
-    const Eigen::Index k = random.integer(0, static_cast<int>(p.contacts()) - 1);
-    const double s = random.log_uniform(1e-3, 1e3);
+    const Eigen::Index k = changes.integer(0, static_cast<int>(p.contacts()) - 1);
+    const double s = changes.log_uniform(1e-3, 1e3);
     other.W.col(k) *= s;
     for (const ImpactLaw law : laws) {
       const Outcome out = p(law);
+      const Outcome reordered = permuted(law);
+      ASSERT_LE(distance(out.Lambda(order), reordered.Lambda), 1e-12 * scale(out));
+      ASSERT_LE(distance(out.gamma_plus(order), reordered.gamma_plus), 1e-12 * scale(out));
+      const Outcome fast = faster(law);
+      const double tolerance = binary ? 0.0 : 1e-12 * scale(out);
+      ASSERT_LE(distance(fast.Lambda / factor, out.Lambda), tolerance);
+      ASSERT_LE(distance(fast.gamma_plus / factor, out.gamma_plus), tolerance);
       Outcome scaled = other(law);
-      ASSERT_LE(distance(scaled.u_plus, out.u_plus), 1e-11 * scale(out)) << "case " << i;
+      ASSERT_LE(distance(scaled.u_plus, out.u_plus), 1e-11 * scale(out));
       scaled.Lambda[k] *= s;
       scaled.gamma_plus[k] /= s;
-      ASSERT_LE(distance(scaled.Lambda, out.Lambda), 1e-11 * scale(out)) << "case " << i;
+      ASSERT_LE(distance(scaled.Lambda, out.Lambda), 1e-11 * scale(out));
       ASSERT_LE(distance(scaled.gamma_plus, out.gamma_plus), 1e-11 * scale(out));
     }
   }

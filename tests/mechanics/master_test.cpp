@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "tests/support/random_model.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {
@@ -35,8 +34,6 @@ TEST(BouncingBall, MatchesClosedFormUpToRest) {
       flight *= restitution;
     }
   }
-  EXPECT_NEAR(events_of(ball(0.9, 0.9), 10.0).back().t, 8.138705801, 1e-9);
-  EXPECT_NEAR(events_of(ball(1.0, 0.7), 10.0).back().t, 2.558633966, 1e-9);
 }
 
 // With a long chatter time the error of the completion is not below the tolerance of the above.
@@ -172,24 +169,6 @@ TEST(PenetratingStart, StaysClosedUntilTheGapRisesThroughZero) {
   EXPECT_EQ(events[0], (ContactEvent{0.0, 0, ContactEventKind::closes}));
   EXPECT_EQ(events[1].kind, ContactEventKind::opens);
   EXPECT_GT(opened, 0.1);
-}
-
-// Contacts between which the machine bounces are completed together, with some of them closed
-// already.
-TEST(Wedge, ClosedContactDoesNotCloseAgain) {
-  for (const std::uint64_t seed : {17519, 19121, 20020, 23047, 23604, 23636, 28178, 29878}) {
-    Random random(seed);
-    const ImpactingMachine machine = random_impacting_machine(random);
-    Master master(machine.model, machine.start);
-    std::vector<ContactEvent> events;
-    ASSERT_TRUE(master.advance(at(5.0), events, 20000)) << "seed " << seed;
-    ContactSet chi = 0;
-    for (const ContactEvent& event : events) {
-      const bool opens = event.kind == ContactEventKind::opens;
-      ASSERT_EQ(contains(chi, event.contact), opens) << "seed " << seed << ", t = " << event.t;
-      chi = after(chi, event);
-    }
-  }
 }
 
 }  // namespace

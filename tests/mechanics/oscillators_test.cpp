@@ -332,15 +332,5 @@ TEST(Oscillators, BankMovesOnlySelectedOscillators) {
   EXPECT_TRUE((in_place.z == copied.z).all() && (in_place.v == copied.v).all());
 }
 
-TEST(Oscillators, ZeroStepDoesNotMove) {
-  for (const double delta : {0.0, 0.5, 1.0, 3.0}) {
-    for (const double kappa : {0.0, 1.0, 25.0}) {
-      const Point x = propagate(delta, kappa, kappa == 0.0 ? 2.0 : 0.0, 0.0, {0.3, -0.7});
-      EXPECT_EQ(static_cast<double>(x.z), 0.3);
-      EXPECT_EQ(static_cast<double>(x.v), -0.7);
-    }
-  }
-}
-
 }  // namespace
 }  // namespace sprag

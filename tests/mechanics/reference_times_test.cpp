@@ -1,33 +1,16 @@
 // The master compared with event times of 50 digits (tests/reference).
 #include <gtest/gtest.h>
 
-#include <cctype>
 #include <cmath>
-#include <fstream>
 #include <iostream>
-#include <sstream>
 #include <string>
 #include <vector>
 
+#include "tests/mechanics/reference_rows.h"
 #include "tests/support/run.h"
 
 namespace sprag::test {
 namespace {
-
-std::vector<std::vector<double>> rows(const std::string& name) {
-  std::ifstream file(SPRAG_SOURCE_DIR "/tests/reference/" + name + ".csv");
-  EXPECT_TRUE(file) << name;
-  std::vector<std::vector<double>> all;
-  std::string line;
-  while (std::getline(file, line)) {
-    if (line.empty() || std::isdigit(static_cast<unsigned char>(line[0])) == 0) continue;
-    std::istringstream fields(line);
-    std::string field;
-    all.emplace_back();
-    while (std::getline(fields, field, ',')) all.back().push_back(std::stod(field));
-  }
-  return all;
-}
 
 struct Case {
   const char* scene;
@@ -54,10 +37,10 @@ class ReferenceTimes : public testing::TestWithParam<Case> {
       if (event.kind == ContactEventKind::closes) closes_.push_back(event.t);
       if (event.kind == ContactEventKind::opens) opens_.push_back(event.t);
     }
-    for (const auto& row : rows(std::string(GetParam().reference) + "_impacts")) {
+    for (const auto& row : reference_rows(std::string(GetParam().reference) + "_impacts")) {
       if (!GetParam().chatters || std::abs(row[2]) > least_impact) impacts_.push_back(row[1]);
     }
-    sticks_ = rows(std::string(GetParam().reference) + "_sticks");
+    sticks_ = reference_rows(std::string(GetParam().reference) + "_sticks");
   }
 
   static double distance(double t, const std::vector<double>& times) {
@@ -83,7 +66,7 @@ TEST_P(ReferenceTimes, EveryImpactIsFoundAtItsTime) {
 TEST_P(ReferenceTimes, NoImpactIsInvented) {
   if (GetParam().chatters) {
     // The files leave out the tail of a chatter, as does the master, but at another impact.
-    const auto all = rows(std::string(GetParam().reference) + "_impacts");
+    const auto all = reference_rows(std::string(GetParam().reference) + "_impacts");
     std::vector<double> times;
     for (const auto& row : all) times.push_back(row[1]);
     for (const double t : pulses_) {
@@ -130,7 +113,7 @@ TEST(ReferenceStates, MasterIsAtTheReferenceStateAtItsSamples) {
     std::vector<ContactEvent> events;
     Eigen::VectorXd q(3);
     Eigen::VectorXd u(3);
-    for (const auto& row : rows(std::string(reference) + "_samples")) {
+    for (const auto& row : reference_rows(std::string(reference) + "_samples")) {
       if (row[0] > 10.0) break;
       master.advance(at(row[0]), events);
       master.state(at(row[0]), q, u);

@@ -17,40 +17,38 @@ namespace {
 // Of V / V(0): the bar needs 1e-13, because of a hundred modes of up to 1e6 rad/s.
 constexpr double rounding = 1e-12;
 
-long count(const std::vector<ContactEvent>& events, int contact, ContactEventKind kind) {
-  return std::count_if(events.begin(), events.end(), [&](const ContactEvent& event) {
-    return event.contact == contact && event.kind == kind;
-  });
-}
-
 struct SceneRun {
   const char* scene;
   double T, h;
-  double fall;  ///< V(T) / V(0) is at most this
+  double fall;           ///< V(T) / V(0) is at most this
+  double excited = 1.0;  ///< factor of the first force
 };
 void PrintTo(const SceneRun& c, std::ostream* out) { *out << c.scene; }
 
 class SceneRuns : public testing::TestWithParam<SceneRun> {};
-INSTANTIATE_TEST_SUITE_P(All, SceneRuns,
-                         testing::Values(SceneRun{"paper_beam", 30.0, 1e-3, 1.0},
-                                         SceneRun{"paper_beam_frame", 30.0, 1e-3, 1.0},
-                                         SceneRun{"paper_beam_chatter", 30.0, 1e-3, 1.0},
-                                         SceneRun{"stiff_beam", 5.0, 1e-3, 1.0},
-                                         SceneRun{"two_stops_beam", 100.0, 1e-3, 1e-6},
-                                         SceneRun{"two_supports_beam", 100.0, 1e-3, 1e-6},
-                                         SceneRun{"three_ball_chain", 2.0, 1e-3, 1.0},
-                                         SceneRun{"lab_rig", 20.0, 1e-3, 1e-6},
-                                         SceneRun{"impact_oscillator", 20.0, 1e-3, 1e-6},
-                                         SceneRun{"elastic_bar", 2e-3, 1e-6, 1.0},
-                                         SceneRun{"steel_ruler", 20.0, 1e-4, 1e-6},
-                                         SceneRun{"non_proportional", 100.0, 1e-3, 1e-6}),
-                         [](const auto& parameter) { return std::string(parameter.param.scene); });
+INSTANTIATE_TEST_SUITE_P(
+    All, SceneRuns,
+    testing::Values(
+        SceneRun{"paper_beam", 30.0, 1e-3, 1.0}, SceneRun{"paper_beam_frame", 30.0, 1e-3, 1.0},
+        SceneRun{"paper_beam_chatter", 30.0, 1e-3, 1.0}, SceneRun{"stiff_beam", 5.0, 1e-3, 1.0},
+        SceneRun{"two_stops_beam", 100.0, 1e-3, 1e-6},
+        SceneRun{"two_supports_beam", 100.0, 1e-3, 1e-6},
+        // It hits both supports within 1e-11 s and less: each
+        // impact must involve both.
+        SceneRun{"two_supports_beam", 50.0, 1e-3, 1e-4, 4.0 / 3.0},
+        SceneRun{"two_supports_beam", 50.0, 1e-3, 1e-4, 2.0},
+        SceneRun{"two_supports_beam", 50.0, 1e-3, 1e-4, 10.0 / 3.0},
+        SceneRun{"three_ball_chain", 2.0, 1e-3, 1.0}, SceneRun{"lab_rig", 20.0, 1e-3, 1e-6},
+        SceneRun{"impact_oscillator", 20.0, 1e-3, 1e-6}, SceneRun{"elastic_bar", 2e-3, 1e-6, 1.0},
+        SceneRun{"steel_ruler", 20.0, 1e-4, 1e-6}, SceneRun{"non_proportional", 100.0, 1e-3, 1e-6}),
+    [](const auto& of) { return std::string(of.param.scene) + "_" + std::to_string(of.index); });
 
-TEST_P(SceneRuns, ErrorEnergyFallsAndNeverGrows) {
-  Pair<Replica> pair(shipped_scene(GetParam().scene), GetParam().h);
+TEST_P(SceneRuns, ErrorEnergyNeverGrowsAndGapsAreComplementary) {
+  Scene scene = shipped_scene(GetParam().scene);
+  if (GetParam().excited != 1.0) scene.model.forces.at(0).harmonic.amplitude *= GetParam().excited;
+  Pair<Replica> pair(scene, GetParam().h);
   const double V0 = pair.V();
-  double worst = 0.0;
-  double before = V0;
+  double worst = 0.0, before = V0, closest = infinity;
   std::size_t events = pair.passed.size();
   while (pair.t() < GetParam().T) {
     pair.step();
@@ -58,36 +56,22 @@ TEST_P(SceneRuns, ErrorEnergyFallsAndNeverGrows) {
     worst = std::max(worst, pair.V() - before);
     ASSERT_LE(pair.V(), before + rounding * V0) << "t = " << pair.t();
     before = pair.V();
+    for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+      const Contact& contact = scene.model.contacts[i];
+      const double g = gap(contact, pair.q_m, pair.t());
+      closest = std::min(closest, g);
+      ASSERT_GE(g, -1e-12) << "contact " << i + 1 << " at t = " << pair.t();
+      if (!contains(pair.master.closed(), static_cast<int>(i))) continue;
+      ASSERT_NEAR(g, 0.0, 1e-12) << "contact " << i + 1 << " at t = " << pair.t();
+      ASSERT_NEAR(gap_velocity(contact, pair.u_m, pair.t()), 0.0, 1e-12)
+          << "contact " << i + 1 << " at t = " << pair.t();
+    }
   }
   EXPECT_LE(before, (GetParam().fall + rounding) * V0);
   EXPECT_EQ(pair.state.refused_impacts, 0);
-  std::cout << GetParam().scene << ": " << events << " events, V(T)/V(0) = " << before / V0
-            << ", largest growth of V/V(0) in a tick " << worst / V0 << '\n';
-}
-
-TEST_P(SceneRuns, GapsAreNeverNegativeAndZeroInSustainedContact) {
-  const Scene scene = shipped_scene(GetParam().scene);
-  const std::vector<Contact>& contacts = scene.model.contacts;
-  Master master(scene.model, scene.truth.start);
-  std::vector<ContactEvent> events;
-  State x = scene.truth.start;
-  std::vector<double> closest(contacts.size(), infinity);
-  for (std::int64_t k = 0; tick_instant(k, GetParam().h).hi <= GetParam().T; ++k) {
-    const Instant t = tick_instant(k, GetParam().h);
-    master.advance(t, events);
-    master.state(t, x.q, x.u);
-    for (std::size_t i = 0; i < contacts.size(); ++i) {
-      const double g = gap(contacts[i], x.q, t.hi);
-      closest[i] = std::min(closest[i], g);
-      ASSERT_GE(g, -1e-12) << "contact " << i + 1 << " at t = " << t.hi;
-      if (!contains(master.closed(), static_cast<int>(i))) continue;
-      ASSERT_NEAR(g, 0.0, 1e-12) << "contact " << i + 1 << " at t = " << t.hi;
-      ASSERT_NEAR(gap_velocity(contacts[i], x.u, t.hi), 0.0, 1e-12)
-          << "contact " << i + 1 << " at t = " << t.hi;
-    }
-  }
-  std::cout << GetParam().scene << ": smallest gap "
-            << *std::min_element(closest.begin(), closest.end()) << '\n';
+  std::cout << events << " events, V(T)/V(0) = " << before / V0
+            << ", largest growth of V/V(0) in a tick " << worst / V0 << ", smallest gap " << closest
+            << '\n';
 }
 
 // Left and right limits of the master at each event's time.
@@ -109,15 +93,6 @@ void at_each_event(const Scene& scene, double T, Visit visit) {
 
 double energy(const Model& model, const State& x) {
   return 0.5 * x.u.dot(model.M * x.u) + 0.5 * x.q.dot(model.K * x.q);
-}
-
-TEST(TwoStopsBeam, HitsBothStops) {
-  const std::vector<ContactEvent> events = events_of(shipped_scene("two_stops_beam"), 100.0);
-  const long below = count(events, 0, ContactEventKind::pulse);
-  const long above = count(events, 1, ContactEventKind::pulse);
-  EXPECT_GT(below, 20);
-  EXPECT_GT(above, 20);
-  std::cout << "two_stops_beam: " << below << " impacts below, " << above << " above\n";
 }
 
 // An impact of one contact: Lambda = -(1 + epsilon) gamma- / G, and the machine gains the energy
@@ -151,26 +126,6 @@ TEST(TwoStopsBeam, EnergyBalancesAcrossImpacts) {
   std::cout << "two_stops_beam: energy across an impact balances to " << worst << '\n';
 }
 
-TEST(TwoSupportsBeam, BothContactsAreClosedTogetherAtTimes) {
-  const Scene scene = shipped_scene("two_supports_beam");
-  const std::vector<ContactEvent> events = events_of(scene, 100.0);
-  ContactSet chi = 0;
-  int together = 0;
-  double duration = 0.0;
-  for (std::size_t i = 0; i + 1 < events.size(); ++i) {
-    const ContactSet before = chi;
-    chi = after(chi, events[i]);
-    if (chi == 3 && before != 3) ++together;
-    if (chi == 3) duration += events[i + 1].t - events[i].t;
-  }
-  EXPECT_GT(together, 20);
-  EXPECT_GT(duration, 2.0);
-  EXPECT_LT(duration, 50.0);
-  for (int i = 0; i < 2; ++i) EXPECT_GT(count(events, i, ContactEventKind::closes), 20);
-  std::cout << "two_supports_beam: " << events.size() << " events, closed together " << together
-            << " times, for " << duration << " of 100 s\n";
-}
-
 // The contact forces from the motion itself: M u' + C u + K q - f by central differences must be
 // W lambda with lambda >= 0, and zero where the gap is open.
 TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
@@ -185,7 +140,7 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
   State right = x;
   Eigen::MatrixXd W(3, 2);
   W << model.contacts[0].w, model.contacts[1].w;
-  int checked = 0;
+  int checked = 0, both_closed = 0;
   double worst = 0.0;
   double pressed = 0.0;
   for (std::int64_t k = 1; k <= 20000; ++k) {
@@ -214,34 +169,15 @@ TEST(TwoSupportsBeam, GapAndForceAreComplementary) {
       ASSERT_GE(g, -1e-12) << "t = " << t.hi;
       if (!contains(master.closed(), i)) worst = std::max(worst, std::abs(lambda[i]));
     }
+    both_closed += master.closed() == 3U ? 1 : 0;
     ++checked;
   }
   EXPECT_GT(checked, 18000);
+  EXPECT_GT(both_closed, 100);
   EXPECT_GT(pressed, 0.1);
   EXPECT_LT(worst, 1e-4);
   std::cout << "two_supports_beam: forces up to " << pressed << ", wrong by " << worst
             << " at most\n";
-}
-
-// With a larger excitation the beam hits both supports within 1e-11 s and less: each impact must
-// involve both.
-TEST(TwoSupportsBeam, LargerExcitationStaysOutsideAndSynchronizes) {
-  for (const double amplitude : {0.02, 0.03, 0.05}) {
-    Scene scene = shipped_scene("two_supports_beam");
-    scene.model.forces.at(0).harmonic.amplitude *= amplitude / 0.015;
-    Pair<Replica> pair(scene, 1e-3);
-    const double V0 = pair.V();
-    double before = V0;
-    while (pair.t() < 50.0) {
-      pair.step();
-      ASSERT_LE(pair.V(), before + rounding * V0) << "t = " << pair.t();
-      before = pair.V();
-      for (const Contact& contact : scene.model.contacts) {
-        ASSERT_GE(gap(contact, pair.q_m, pair.t()), -1e-12) << "t = " << pair.t();
-      }
-    }
-    EXPECT_LT(before, 1e-4 * V0);
-  }
 }
 
 TEST(ThreeBallChainScene, OneImpactOfBothContacts) {
