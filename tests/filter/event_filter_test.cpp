@@ -33,38 +33,28 @@ double mean_square(Pursuit& run, Eigen::VectorXd& sigma_q, Eigen::VectorXd& sigm
                 ((run.mean.u - run.truth.u).array() / sigma_u.array()).square().mean());
 }
 
-// 2 f unknowns, one equation per impact.
-TEST(EventFilter, ConvergesOnPaperBeamAfterSixImpacts) {
-  const Scene& scene = cached_scene("paper_beam.toml");
-  Pursuit run(scene, 1e-2);
-  double before = 0.0;
-  for (int k = 0; k < 4000; ++k) {
-    const int known = run.impacts;
-    const double V = run.tick();
-    if (run.impacts != known && run.impacts <= 8) {
-      std::cout << "t " << 1e-2 * (k + 1) << " impacts " << run.impacts << " V " << V << '\n';
-    }
-    if (run.impacts < 6) before = V;
-    if (run.impacts >= 6) {
-      EXPECT_LT(V, 1e-15);
-    }
-  }
-  EXPECT_GT(before, 1e-8);
-}
-
-TEST(EventFilter, ConvergesOnOtherScenesWithinThreeEventsPerUnknown) {
-  for (const char* name : {"paper_beam_chatter", "paper_beam_frame", "bouncing_ball", "lab_rig",
-                           "two_stops_beam", "steel_ruler", "paper_beam_as_printed"}) {
+// 2 f unknowns, one equation per impact: that many impacts suffice on the paper's beam, three times
+// as many elsewhere.
+TEST(EventFilter, ConvergesWithinFewEventsPerUnknown) {
+  for (const char* name : {"paper_beam", "paper_beam_chatter", "paper_beam_frame", "bouncing_ball",
+                           "lab_rig", "two_stops_beam", "steel_ruler", "paper_beam_as_printed"}) {
     const Scene& scene = cached_scene(std::string(name) + ".toml");
     Pursuit run(scene, 1e-3);
-    const int enough = 3 * 2 * static_cast<int>(scene.model.coordinates());
-    double V = 0.0;
+    const int unknowns = 2 * static_cast<int>(scene.model.coordinates());
+    const int enough = name == std::string("paper_beam") ? unknowns : 3 * unknowns;
+    double V = 0.0, before = 0.0;
     const double first = ErrorEnergy(scene.model)(scene.truth.start.q, scene.truth.start.u,
                                                   scene.prior.start.q, scene.prior.start.u)[0];
-    for (int k = 0; k < 100000 && run.impacts < enough; ++k) V = run.tick();
+    for (int k = 0; k < 100000 && run.impacts < enough; ++k) {
+      before = V;
+      V = run.tick();
+    }
     std::cout << name << ": V " << first << " -> " << V << " after " << run.impacts << " events, t "
               << 1e-3 * static_cast<double>(run.k_) << '\n';
     EXPECT_LT(V, 1e-15 * (first + 1e-3)) << name;
+    if (enough == unknowns) {
+      EXPECT_GT(before, 1e-8) << name;
+    }
   }
 }
 
@@ -93,27 +83,6 @@ TEST(EventFilter, ContactClosedAtStartIsMeasurement) {
       EXPECT_LE(std::abs(u[0]), 3.0 * sigma_u[0]) << jitter;
       EXPECT_LT(sigma_q[0], 1e-3) << jitter;
     }
-  }
-}
-
-// In a time line: late events, one by one, and rollbacks without a late event.
-TEST(EventFilter, RollbacksDoNotChangeEstimates) {
-  for (const char* name : {"paper_beam", "paper_beam_chatter", "two_stops_beam"}) {
-    const Scene& scene = cached_scene(std::string(name) + ".toml");
-    const double h = 1e-2;
-    const double end = 8.0;
-    const auto events = master_events(scene, end);
-    const auto run = [&](bool late) {
-      TimingEstimator filter(scene, h);
-      Recording settled;
-      run_time_line(filter, scene, events, end, late, [&](const auto& state) {
-        settled.add(filter, state, scene.model.coordinates());
-      });
-      return settled;
-    };
-    const Recording once = run(false);
-    EXPECT_EQ(once.ticks.size(), 801U);
-    EXPECT_EQ(difference(once, run(true)), "") << name;
   }
 }
 
@@ -159,9 +128,10 @@ TEST(EventFilter, IsCalibrated) {
   }
 }
 
-// Hundreds of thousands of events. With exact times the error stays at the rounding level. With
-// jitter it is within the claimed deviations but for rare ticks, mostly after a chatter within the
-// jitter; ticks near an event are left out, since the event may or may not have happened.
+// Tens of thousands of events, a million in a thorough run. With exact times the error stays at the
+// rounding level. With jitter it is within the claimed deviations but for rare ticks, mostly after
+// a chatter within the jitter; ticks near an event are left out, since the event may or may not
+// have happened.
 TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
   Scene scene = cached_scene("paper_beam.toml");
   const Eigen::Index f = scene.model.coordinates();
@@ -169,7 +139,7 @@ TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
   for (const double sigma : {0.0, 1e-3}) {
     scene.prior.jitter = sigma;
     Pursuit run(scene, 0.1);
-    const int enough = long_repetitions(sigma == 0.0 ? 1000000 : 100000);
+    const int enough = sigma == 0.0 && thorough() ? 1000000 : long_repetitions(100000);
     double last_event = 0.0;
     double V = 0.0;
     double smallest = std::numeric_limits<double>::infinity();
@@ -234,7 +204,7 @@ TEST(EventFilter, DoesNotOverweightTimesUnderWidePrior) {
     return Eigen::VectorXd(S * Eigen::VectorXd::NullaryExpr(f, [&] { return normal(engine); }));
   };
   Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
-  for (int start = 0; start < 3; ++start) {
+  for (int start = 0; start < long_repetitions(3); ++start) {
     scene.prior.start.q = scene.truth.start.q + draw(uncertainty.q);
     scene.prior.start.u = scene.truth.start.u + draw(uncertainty.u);
     Pursuit run(scene, 1e-2);

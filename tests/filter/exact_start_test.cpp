@@ -5,7 +5,6 @@
 #include <string>
 
 #include "tests/support/exact_machines.h"
-#include "tests/support/recorded_run.h"
 #include "tests/support/repetitions.h"
 
 namespace sprag {
@@ -38,20 +37,6 @@ std::string name_of(const testing::TestParamInfo<MachineKind>& kind) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, ExactStart, testing::ValuesIn(machine_kinds), name_of);
-
-TEST(ExactStarts, BouncingBallIsNeverInconsistent) {
-  Scene scene = cached_scene("bouncing_ball.toml");
-  scene.prior.start = scene.truth.start;
-  for (const double sigma : {1e-3, 0.1}) {
-    scene.prior.sigma =
-        State{Eigen::VectorXd::Constant(1, sigma), Eigen::VectorXd::Constant(1, sigma)};
-    const std::optional<ExactRun> run = run_exact(scene);
-    ASSERT_TRUE(run);
-    EXPECT_GT(run->events, 50);
-    EXPECT_EQ(run->both, 0) << sigma;
-    EXPECT_EQ(run->timing, 0) << sigma;
-  }
-}
 
 // Five pendulums of one frequency that touch; the start of the estimate differs slightly from the
 // machine's.

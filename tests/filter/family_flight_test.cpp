@@ -47,28 +47,6 @@ std::vector<Unknown> unknowns_of_flight(const Scene& scene) {
 
 class FamilyFlightOfScenes : public testing::TestWithParam<const char*> {};
 
-// The machine's own path with all its forces, forwards and backwards.
-TEST_P(FamilyFlightOfScenes, EqualsMotionOfMachine) {
-  const Scene scene = scene_of(GetParam());
-  const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
-  Master master(scene.model, scene.truth.start);
-  std::vector<ContactEvent> events;
-  master.advance(at(std::min(end_of_inputs(scene.model), 100.0)), events, 1);
-  ASSERT_FALSE(events.empty());
-  FamilyFlight flight(scene, unknowns);
-  flight.set(Eigen::VectorXd::Zero(flight.unknowns()), true);
-  Eigen::VectorXd start(2 * flight.n());
-  flight.enter(scene.truth.start.q, scene.truth.start.u, 0.0, start);
-  const double tau = events.front().t;
-  flight.fly(start, 0.0, tau, 0);
-  const double length = flight.gap(events.front().contact).length;
-  EXPECT_NEAR(flight.gap(events.front().contact).g, 0.0, 1e-11 * length);
-  EXPECT_LT(flight.gap(events.front().contact).velocity, 0.0);
-  const Eigen::VectorXd there = flight.x();
-  flight.fly(there, tau, -tau, 0);
-  EXPECT_LT((flight.x() - start).cwiseAbs().maxCoeff(), 1e-9 * there.cwiseAbs().maxCoeff());
-}
-
 // Derivatives through an impact, compared with difference quotients of whole flights.
 TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
   constexpr std::uint64_t seed = 20261123;

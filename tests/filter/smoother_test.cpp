@@ -8,6 +8,7 @@
 #include <random>
 
 #include "sprag/simulate.h"
+#include "tests/support/jitter.h"
 #include "tests/support/recorded_run.h"
 #include "tests/support/tracking_estimators.h"
 
@@ -25,17 +26,10 @@ struct SmoothingTrial {
   double misfit = 1.0;
 };
 
-std::vector<ContactEvent> off(std::vector<ContactEvent> events, double sigma, unsigned seed) {
+std::vector<ContactEvent> off(const std::vector<ContactEvent>& events, double sigma,
+                              unsigned seed) {
   std::mt19937_64 engine(seed);
-  std::normal_distribution<double> normal;
-  double late = 0.0, last = -1.0;
-  for (ContactEvent& event : events) {
-    // Events whose order could be lost share one error.
-    if (event.t - last > 6.0 * sigma) late = sigma * normal(engine);
-    last = event.t;
-    event.t = std::max(event.t + late, 1e-9);
-  }
-  return events;
+  return test::jittered_together(events, sigma, 6.0, engine);
 }
 
 class SmoothedPath : public testing::TestWithParam<SmoothingTrial> {};
