@@ -65,6 +65,21 @@ Scene with_input(const Scene& scene, const SampledInput& input) {
   return changed;
 }
 
+// Errors of determined values in their deviations, and without the part that the record adds.
+struct Errors {
+  double squares = 0.0, without_record = 0.0;
+  int values = 0;
+
+  void add(const FittedUnknown& of, double truth) {
+    if (!of.determined) return;
+    const double error = of.value - truth;
+    EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
+    squares += error * error / (of.sigma * of.sigma);
+    without_record += error * error / (of.sigma * of.sigma - of.of_record * of.of_record);
+    ++values;
+  }
+};
+
 TEST(RecordedIdentification, FindsGainAndDelay) {
   constexpr std::uint64_t seed = 71;
   std::cout << "seed " << seed << '\n';
@@ -86,10 +101,6 @@ TEST(RecordedIdentification, FindsGainAndDelay) {
     settings.unknowns = unknowns_named(given, {"force.1.gain", "force.1.delay"});
     settings.jitter = 1e-5;
     const Identification fit = identify(given, events, settings);
-    std::cout << "gain " << fitted(fit, "force.1.gain").value << " +- "
-              << fitted(fit, "force.1.gain").sigma << ", delay "
-              << fitted(fit, "force.1.delay").value << " +- " << fitted(fit, "force.1.delay").sigma
-              << ", impacts " << fit.impacts << '\n';
     ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << " scatter " << fit.scatter;
     EXPECT_NEAR(fitted(fit, "force.1.gain").value, gain, 0.01 * gain);
     EXPECT_NEAR(fitted(fit, "force.1.delay").value, delay, 0.05 * delay);
@@ -106,8 +117,7 @@ TEST_P(InterpolationError, IsPartOfTheDeviations) {
   constexpr std::uint64_t seed = 72;
   std::cout << "seed " << seed << '\n';
   Random random(seed);
-  double squares = 0.0, without = 0.0;
-  int values = 0;
+  Errors errors;
   for (int i = 0; i < 8; ++i) {
     Scene truth = shaken_rattle(random, 1 + i % 2);
     const SampledInputPointer linear = sampled(0.01, duration + 1.0, {.outside = Outside::hold});
@@ -125,29 +135,15 @@ TEST_P(InterpolationError, IsPartOfTheDeviations) {
     for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
     settings.mend = false;
     const Identification fit = identify(given, events_of(truth, 0.0, seed), settings);
-    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
-              << ", scatter " << fit.scatter << ", by the record "
-              << fit.record_errors.resolution_scatter << ", other "
-              << fit.record_errors.other_scatter << '\n';
     if (!fit.fits()) continue;
-    for (const FittedUnknown& of : fit.unknowns) {
-      if (!of.determined) continue;
-      const double error = of.value - of.unknown.nominal;
-      const double own = std::sqrt(of.sigma * of.sigma - of.of_record * of.of_record);
-      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
-                << ", without record " << own << '\n';
-      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
-      squares += error * error / (of.sigma * of.sigma);
-      without += error * error / (own * own);
-      ++values;
-    }
+    for (const FittedUnknown& of : fit.unknowns) errors.add(of, of.unknown.nominal);
   }
-  std::cout << "NEES " << squares / values << ", without the record " << without / values << " of "
-            << values << '\n';
-  EXPECT_GT(values, 20);
-  EXPECT_LT(squares, 2.0 * values);
+  std::cout << "NEES " << errors.squares / errors.values << ", without the record "
+            << errors.without_record / errors.values << " of " << errors.values << '\n';
+  EXPECT_GT(errors.values, 20);
+  EXPECT_LT(errors.squares, 2.0 * errors.values);
   // Evidence that the trial can fail.
-  EXPECT_GT(without, 4.0 * values);
+  EXPECT_GT(errors.without_record, 4.0 * errors.values);
 }
 
 class SampleNoise : public ::testing::TestWithParam<double> {};
@@ -159,8 +155,7 @@ TEST_P(SampleNoise, IsPartOfTheDeviations) {
   Random random(seed);
   std::mt19937_64 engine(seed);
   const double noise = GetParam();
-  double squares = 0.0;
-  int values = 0;
+  Errors errors;
   for (int i = 0; i < 8; ++i) {
     const Scene truth = shaken_rattle(random, 1 + i % 2);
     const Scene given = with_input(
@@ -174,25 +169,15 @@ TEST_P(SampleNoise, IsPartOfTheDeviations) {
     settings.jitter = 1e-5;
     settings.mend = false;
     const Identification fit = identify(given, events_of(truth, 1e-5, seed), settings);
-    std::cout << "problem " << static_cast<int>(fit.problem) << '/' << static_cast<int>(fit.misfit)
-              << ", scatter " << fit.scatter << ", by noise " << fit.record_errors.noise_scatter
-              << '\n';
     if (!fit.fits()) continue;
     for (const FittedUnknown& of : fit.unknowns) {
-      if (!of.determined) continue;
-      const double truth_of = of.unknown.key == "force.1.delay" ? 0.0 : of.unknown.nominal;
-      const double error = of.value - truth_of;
-      std::cout << "  " << of.unknown.key << ": error " << error << ", sigma " << of.sigma
-                << ", by record " << of.of_record << '\n';
-      EXPECT_LT(std::abs(error), 4.0 * of.sigma) << of.unknown.key;
-      squares += error * error / (of.sigma * of.sigma);
-      ++values;
+      errors.add(of, of.unknown.key == "force.1.delay" ? 0.0 : of.unknown.nominal);
     }
   }
-  std::cout << "NEES " << squares / values << " of " << values << '\n';
-  EXPECT_GT(values, 20);
-  EXPECT_LT(squares, 2.0 * values);
-  EXPECT_GT(squares, 0.2 * values);
+  std::cout << "NEES " << errors.squares / errors.values << " of " << errors.values << '\n';
+  EXPECT_GT(errors.values, 20);
+  EXPECT_LT(errors.squares, 2.0 * errors.values);
+  EXPECT_GT(errors.squares, 0.2 * errors.values);
 }
 
 // A given jitter does not hide that the record is too coarse.
@@ -216,8 +201,6 @@ TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
   const Identification wide = identify(given, events, settings);
   ASSERT_TRUE(wide.fits());
   const FittedUnknown& epsilon = wide.unknowns.front();
-  std::cout << "restitution " << epsilon.value << " +- " << epsilon.sigma << ", by the record "
-            << epsilon.of_record << '\n';
   EXPECT_GT(epsilon.of_record, 0.0);
   EXPECT_LT(std::abs(epsilon.value - 0.7), 4.0 * epsilon.sigma);
 }
@@ -266,8 +249,6 @@ TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
     settings.jitter = 1e-5;
     const Identification fit = identify(given, events, settings);
     ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << ", scatter " << fit.scatter;
-    std::cout << "delay " << fit.unknowns[0].value << " +- " << fit.unknowns[0].sigma << ", gain "
-              << fit.unknowns[1].value << " +- " << fit.unknowns[1].sigma << '\n';
     EXPECT_NEAR(fit.unknowns[0].value, delay, 0.05 * delay);
     EXPECT_NEAR(fit.unknowns[1].value, 1.0, 1e-3);
     EXPECT_EQ(fit.fitted.frame->input, fit.fitted.model.forces[0].input);
