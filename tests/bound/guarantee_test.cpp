@@ -73,6 +73,18 @@ TEST(Guarantee, InitialBoundNeedsExactMachineOrTolerances) {
   EXPECT_EQ(initial_bound(other), scene.prior.uncertainty.sum());
 }
 
+// The energy of the start's error is in the scene's stiffness, a machine's may be 1 + k_K times it,
+// and B is in the scene's again.
+TEST(Guarantee, TheStartCoversEveryStiffness) {
+  Scene scene = shipped_scene("paper_beam");
+  for (const double k_K : {1e-3, 0.02, 0.1}) {
+    scene.prior.tolerance.stiffness = k_K;
+    const Estimates estimates = observe(scene, {}, 0.1);
+    EXPECT_NEAR(estimates.bound[0] / scene.prior.uncertainty.sum(), (1.0 + k_K) / (1.0 - k_K),
+                1e-9);
+  }
+}
+
 TEST(Guarantee, HoldsForObserverEstimatesAndHalfWidths) {
   constexpr std::uint64_t seed = 5210;
   std::cout << "seed " << seed << '\n';

@@ -150,6 +150,15 @@ TEST(EventHistory, ChiFollowsReportAfterGap) {
   }
 }
 
+// The last record of the report cannot be, and its contact is closed all the same.
+TEST(EventHistory, ChiFollowsReportAfterGapDespiteASkippedRecord) {
+  EventHistory history = started();
+  history.add(report_of({{1.0, 1, pulse}, {9.0, 0, closes}}, 4, 2.0, 1));
+  EXPECT_EQ(history.counts().of(Skip::beyond_horizon), 1);
+  EXPECT_EQ(chi_of(history), 1U);
+  EXPECT_EQ(history.counts().made_up, 1);
+}
+
 // chi before the first carried record follows from `closed` and the records. So none of the records
 // contradicts the master, whatever was lost.
 TEST(EventHistory, AcceptsEveryRecordOfReportAfterGap) {

@@ -104,6 +104,22 @@ TEST(ExactStepper, StaysSynchronized) {
   }
 }
 
+// Whatever happened before: a closed contact that approaches is stopped without a rebound.
+TEST(ExactStepper, AStartWithAClosedContactHoldsIt) {
+  const Scene scene = shipped_scene("paper_beam");
+  const Contact& contact = scene.model.contacts.front();
+  Replica replica(scene.model, 1e-2);
+  Replica::State state;
+  const sprag::State approaching{scene.prior.start.q, -0.3 * contact.w};
+  Eigen::VectorXd q(contact.w.size()), u(contact.w.size());
+  for (const bool again : {false, true}) {
+    replica.start(approaching, 0, 1, state);
+    replica.output(state, q, u);
+    EXPECT_NEAR(gap_velocity(contact, u, 0.0), 0.0, 1e-14) << again;
+    EXPECT_EQ(state.refused_impacts, 0);
+  }
+}
+
 TEST(ExactStepper, StateIsAValue) {
   const Scene scene = shipped_scene("paper_beam_chatter");
   const std::vector<ContactEvent> events = events_of(scene, 20.0);
