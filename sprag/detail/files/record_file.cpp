@@ -174,8 +174,9 @@ class RecordReader {
  private:
   static constexpr std::string_view comments = "#%";
 
+  bool has_header() const { return !head_.empty(); }
   [[noreturn]] void fail_at_names(const std::string& message) const {
-    (head_.empty() ? lines_ : head_[head_.size() - (units_.empty() ? 1 : 2)]).fail(message);
+    (has_header() ? head_[head_.size() - (units_.empty() ? 1 : 2)] : lines_).fail(message);
   }
   void refuse_binary() const;
   void find_rows();
@@ -193,7 +194,6 @@ class RecordReader {
   std::vector<TextLines> head_;  ///< at the lines above the rows
   char separator_ = ',';
   char mark_ = 0;  // decimal point or comma, once a number has one
-  bool header_ = false;
   std::vector<std::string_view> fields_;
   std::vector<std::string> names_, units_;  ///< units by a row of units; empty: there is none
   std::size_t time_ = 0, signal_ = 1;
@@ -232,9 +232,8 @@ void RecordReader::read_names() {
     }
     return result;
   };
-  header_ = !head_.empty();
-  names_ = cells(header_ ? head_.back() : lines_);
-  std::size_t used = header_ ? 1 : 0;
+  names_ = cells(has_header() ? head_.back() : lines_);
+  std::size_t used = has_header() ? 1 : 0;
   if (head_.size() > 1) {
     std::vector<std::string> units;
     for (const std::string& name : names_) {
@@ -257,8 +256,8 @@ void RecordReader::split_row() {
   fields_ = split(lines_.line(), separator_);
   if (fields_.size() == names_.size()) return;
   lines_.fail("the row has " + std::to_string(fields_.size()) + " fields; must have " +
-              std::to_string(names_.size()) + ", as the " + (header_ ? "header" : "first row") +
-              remedy_);
+              std::to_string(names_.size()) + ", as the " +
+              (has_header() ? "header" : "first row") + remedy_);
 }
 
 std::size_t RecordReader::column_of(const std::string& name, const char* key) const {
@@ -267,7 +266,7 @@ std::size_t RecordReader::column_of(const std::string& name, const char* key) co
   std::string list;
   for (const std::string& one : names_) list += (list.empty() ? "'" : ", '") + one + "'";
   fail_at_names("has no column '" + name + "' (key " + key + "); must be one of " +
-                (header_ ? list : "the names in a header line, which the file does not have") +
+                (has_header() ? list : "the names in a header line, which the file does not have") +
                 remedy_);
 }
 
@@ -295,7 +294,7 @@ void RecordReader::choose_columns(const RecordColumns& columns) {
 
 // How many of the column's units of time are one second.
 double RecordReader::per_second_of_times() {
-  std::string unit = header_ ? unit_in(names_[time_]) : "";
+  std::string unit = has_header() ? unit_in(names_[time_]) : "";
   if (unit.empty() && !units_.empty()) unit = units_[time_];
   const double count = per_second(unit).value_or(1.0);
   if (count == 0.0) {
@@ -367,7 +366,7 @@ Record RecordReader::read(const RecordColumns& columns) {
   choose_columns(columns);
   const double per_second = per_second_of_times();
   Record record;
-  if (header_) record.column = names_[signal_];
+  if (has_header()) record.column = names_[signal_];
   if (!units_.empty()) record.column += " [" + units_[signal_] + "]";
   for (bool more = true; more; more = lines_.next_data(comments)) {
     split_row();

@@ -22,8 +22,6 @@ using Eigen::VectorXd;
 
 // A standard deviation above this share of the range determines nothing.
 constexpr double determined_below = 0.5;
-// A profile is computed for standard deviations above this share of the range.
-constexpr double linear_below = 2e-3;
 // Distance of a second profile, in ranges.
 constexpr double far_away = 0.1;
 constexpr int iterations_of_profile = 20;
@@ -157,7 +155,7 @@ void Judge::profile() {
   bool weak = false;
   for (Index k = 0; k < P; ++k) {
     const double range = solver_->scale()[k];
-    if (deviations_[k] < linear_below * range) continue;
+    if (deviations_[k] < weakly_determined * range) continue;
     const double linear = deviations_[k];
     for (double before = 0.0; is_determined(k) && deviations_[k] > before;) {
       before = deviations_[k];

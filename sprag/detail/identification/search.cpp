@@ -30,7 +30,7 @@ constexpr double rounding_of_times = 1e-13;
 constexpr std::size_t most_skipped = 3, most_lost = 2, most_lost_between = 8;
 // Events after a change that must agree, if the record has them, and at least.
 constexpr std::size_t ahead = 4, least_ahead = 2;
-// Changes of the events next to a piece that are told at once.
+// Most changes, by one comparison with the path, of the events next to a piece.
 constexpr std::size_t most_aligned = 3;
 // Price of a change beyond twice the logarithm of the number of events.
 constexpr double price_of_change = 4.0;
@@ -43,9 +43,8 @@ constexpr double certain = 25.0;
 // Events by which a window must grow before it explains the rest of the record.
 constexpr std::size_t grown_by = 4;
 constexpr int most_rounds = 6;
-// Deviations above this share of the range may lie along a curved valley of the cost, which goes on
-// where the scatter falls below this share.
-constexpr double weakly_determined = 2e-3, lower_by = 0.9;
+// A curved valley of the cost goes on where the scatter falls below this share.
+constexpr double lower_by = 0.9;
 constexpr int iterations = 40;
 // An impact of the path has an event if its speed is above this share of the typical one.
 constexpr double least_speed = 0.03;
@@ -577,7 +576,7 @@ bool FitSearch::repair(Chain& chain, std::size_t piece, bool forwards) {
     if (auto changed = aligned(chain, piece, from_a, forwards)) {
       const double added =
           static_cast<double>(changed->spanned()) - static_cast<double>(chain.spanned());
-      consider(std::move(*changed), chain, std::max(added, 1.0), best);
+      consider(std::move(*changed), chain, added, best);
     }
   }
   if (!best.chain) return false;

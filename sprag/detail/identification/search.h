@@ -17,6 +17,8 @@ double largest_misfit(int freedom);
 /// Largest rise of the chi^2 of a fit by n more events that agree. Without a given jitter that of
 /// the fit is uncertain.
 double largest_rise(double n, const EventFit& fit, bool given);
+/// The cost need not be quadratic within a standard deviation above this share of the range.
+inline constexpr double weakly_determined = 2e-3;
 /// Largest share of the events that an explanation may change.
 inline constexpr double largest_share_changed = 0.2;
 /// A lost impact differs from the next event by more than this share of the time between the
