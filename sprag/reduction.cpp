@@ -157,8 +157,7 @@ bool is_same(const Scene& scene, const Scene& part, const std::string& key) {
   try {
     const Unknown a = unknown_of(scene, key);
     const Unknown b = unknown_of(part, key);
-    return a.kind == b.kind && a.unit == b.unit && a.nominal == b.nominal &&
-           a.kind != Unknown::Kind::damping_entry && a.kind != Unknown::Kind::stiffness_entry;
+    return a.unit == b.unit && a.nominal == b.nominal && !is_of_entry(key);
   } catch (const std::invalid_argument&) {
     return false;
   }

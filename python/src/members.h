@@ -76,8 +76,8 @@ SPRAG_MEMBERS(estimate_t, session, utime, tick, t, f, q, u, closed, settled_tick
 SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
 
 // ---- parameters
-SPRAG_MEMBERS(Unknown, kind, index, row, column, key, unit, nominal, within, logarithmic, unit_step,
-              upper_limit)
+SPRAG_MEMBERS(Unknown, key, unit, nominal, within, logarithmic, unit_step, relative, reach,
+              lower_limit, upper_limit)
 SPRAG_MEMBERS(Candidate, parameter, determined, value, deviation, sensitivity, scatter, misfit,
               gain, explained, fits, improved_by)
 SPRAG_MEMBERS(MissingImpact, t, contact)

@@ -144,32 +144,24 @@ Scene with_wrong(const Scene& scene, const std::string& key, double amount) {
   const Unknown unknown = unknown_of(scene, key);
   const double value =
       unknown.logarithmic ? unknown.nominal * (1.0 + amount) : unknown.nominal + amount;
-  const bool never_negative =
-      unknown.kind == Unknown::Kind::restitution || unknown.kind == Unknown::Kind::damping;
-  if ((unknown.upper_limit > 0.0 && value > unknown.upper_limit) ||
-      (never_negative && value < 0.0) ||
-      (unknown.kind == Unknown::Kind::restitution_slope && value > 0.0)) {
+  if (value < unknown.lower_limit || value > unknown.upper_limit) {
     throw ModelError(key + " cannot be off by so much");
   }
   return with(scene, unknown, value);
 }
 
 py::list parameters_of(const Scene& scene) {
-  // The fields of Tolerance that cover parameters.
-  const std::map<Unknown::Kind, const char*> bounded{{Unknown::Kind::restitution, "restitution"},
-                                                     {Unknown::Kind::stiffness, "stiffness"},
-                                                     {Unknown::Kind::damping, "damping"}};
   py::list parameters;
   for (const Unknown& unknown : unknowns_of(scene)) {
     const bool factor = unknown.unit.empty() && unknown.nominal == 1.0;
-    const auto covered = bounded.find(unknown.kind);
+    const std::string_view covered = tolerance_of(unknown);
     py::dict of;
     of["key"] = unknown.key;
     of["unit"] = unknown.logarithmic || factor ? "" : unknown.unit.empty() ? "1" : unknown.unit;
     of["nominal"] = unknown.nominal;
     of["most"] = unknown.logarithmic ? 0.5 : unknown.unit_step;
-    of["frequency"] = unknown.kind == Unknown::Kind::frequency;
-    of["bounded"] = covered == bounded.end() ? "" : covered->second;
+    of["frequency"] = quantity(unknown.key) == "frequency";
+    of["bounded"] = covered == "clearance" ? "" : covered;
     parameters.append(of);
   }
   return parameters;

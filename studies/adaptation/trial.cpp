@@ -16,7 +16,6 @@
 namespace sprag::adaptation_study {
 namespace {
 
-using Kind = Unknown::Kind;
 using common::Random;
 
 double share(Random& draw, double least) {
@@ -33,13 +32,13 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
     const Unknown& unknown = family.unknowns()[k];
     double& value = values[static_cast<Eigen::Index>(k)];
     const double off = trial.off * share(draw, trial.only.empty() ? 0.5 : 1.0);
-    if (unknown.kind == Kind::phase) {
+    if (quantity(unknown.key) == "phase") {
       value += off;
-    } else if (unknown.kind == Kind::clearance) {
+    } else if (quantity(unknown.key) == "clearance") {
       value += off * (family.groups().empty() ? unknown.unit_step : family.groups()[0].amplitude);
     } else {
       value *= 1.0 + off;
-      if (unknown.upper_limit > 0.0) value = std::min(value, 0.99 * unknown.upper_limit);
+      value = std::min(value, 0.99 * unknown.upper_limit);
     }
   }
   Scene scene = with(machine, family.unknowns(), values);

@@ -28,7 +28,6 @@ const std::size_t right_kinds = 18;
 namespace {
 
 using common::Random;
-using Kind = Unknown::Kind;
 constexpr double pi = std::numbers::pi;
 constexpr double unknown_truth = std::numeric_limits<double>::quiet_NaN();
 
@@ -248,15 +247,15 @@ Scene off(const Scene& scene, const std::vector<std::string>& keys, double share
     double& value = values[static_cast<Eigen::Index>(k)];
     const Unknown& unknown = unknowns[k];
     const double d = draw.uniform(-1.0, 1.0);
-    if (unknown.kind == Kind::phase) {
+    if (quantity(unknown.key) == "phase") {
       value += d;
-    } else if (unknown.kind == Kind::frequency) {
+    } else if (quantity(unknown.key) == "frequency") {
       value *= 1.0 + 0.2 * share * d;
     } else {
       value *= 1.0 + share * d;
     }
-    if (unknown.kind == Kind::restitution) value = std::min(value, 0.995);
-    if (unknown.kind == Kind::position) value = std::min(value, 0.99);
+    if (quantity(unknown.key) == "restitution") value = std::min(value, 0.995);
+    if (quantity(unknown.key) == "position") value = std::min(value, 0.99);
   }
   return with(scene, unknowns, values);
 }
@@ -401,8 +400,9 @@ std::vector<std::string> usual_keys(const Scene& scene) {
   const std::vector<Unknown> all = unknowns_of(scene);
   const bool one = all.front().key == "impact.restitution";
   for (const Unknown& unknown : all) {
-    const bool of_contact = unknown.kind == Kind::restitution && unknown.index >= 0;
-    if (unknown.kind == Kind::amplitude || unknown.kind == Kind::constant) continue;
+    const std::string_view of = quantity(unknown.key);
+    const bool of_contact = of == "restitution" && unknown.key.starts_with("contact.");
+    if (of == "amplitude" || of == "constant") continue;
     if (one && of_contact) continue;
     keys.push_back(unknown.key);
   }
@@ -411,7 +411,7 @@ std::vector<std::string> usual_keys(const Scene& scene) {
 
 double error_of(const Unknown& unknown, double value, double truth) {
   const double error = unknown.coordinate(value) - unknown.coordinate(truth);
-  return unknown.kind == Kind::phase ? std::remainder(error, 2.0 * std::numbers::pi) : error;
+  return quantity(unknown.key) == "phase" ? std::remainder(error, 2.0 * std::numbers::pi) : error;
 }
 
 Record drawn(const std::string& kind, std::uint64_t trial) {

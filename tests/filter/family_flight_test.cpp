@@ -244,9 +244,33 @@ TEST(FamilyFlight, EqualsExactFlowsOfDrawnMachines) {
   EXPECT_GE(several, static_cast<std::size_t>(repetitions(60)) / 3);
 }
 
-// By each parameter, those of the clock, single entries of K and C and common factors included:
-// through a flight with held contacts and an impact, compared with the exact flows of neighbouring
-// machines.
+// By a parameter, through flights with held contacts and an impact: compared with the exact flows
+// of neighbouring machines.
+void expect_exact_derivatives(const Scene& scene, const Unknown& unknown, double tau, bool stays) {
+  const double t = 0.4, step = 1e-5;
+  const int contact = static_cast<int>(scene.model.contacts.size()) - 1;
+  FamilyFlight flight(scene, {unknown});
+  flight.set(Eigen::VectorXd::Zero(1), true);
+  for (const ContactSet held : held_sets(flight)) {
+    if (contains(held, contact)) continue;
+    SCOPED_TRACE(testing::Message() << unknown.key << ", held " << held);
+    const auto end_of = [&](Flight& of) {
+      Both::fly(of, scene.truth.start, t, tau, held);
+      of.strike(contact, stays, held);
+      return Both::state(of, t + tau);
+    };
+    const auto neighbour = [&](double c) {
+      const auto value = Eigen::VectorXd::Constant(1, unknown.value(c));
+      ModelFlight of(std::make_shared<Flows>(with(scene, {unknown}, value).model));
+      return end_of(of);
+    };
+    end_of(flight);
+    const Eigen::MatrixXd by_unknown = flight.to_state() * flight.by_unknowns();
+    expect_near(by_unknown, (neighbour(step) - neighbour(-step)) / (2.0 * step), 1e-5);
+  }
+}
+
+// By each number of drawn machines and by common factors.
 TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
   constexpr std::uint64_t first_seed = 700;
   for (int k = 0; k < repetitions(30); ++k) {
@@ -262,29 +286,28 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
       unknowns.push_back(unknown_of(scene, "system.K.1.1"));
       if (scene.model.coordinates() > 1) unknowns.push_back(unknown_of(scene, "system.K.1.2"));
     }
-    const double t = 0.4, tau = random.uniform(0.1, 1.0), step = 1e-5;
-    const bool stays = k % 3 == 0;
-    const int contact = static_cast<int>(scene.model.contacts.size()) - 1;
+    for (const char* key : {"system.M.1.1", "contact.1.direction.1", "force.1.direction.1",
+                            "force.1.frequency", "force.1.phase"}) {
+      if (scene_number(scene, key)) unknowns.push_back(unknown_of(scene, key));
+    }
+    if (scene.model.coordinates() > 1) unknowns.push_back(unknown_of(scene, "system.M.1.2"));
+    const double tau = random.uniform(0.1, 1.0);
     for (const Unknown& unknown : unknowns) {
-      FamilyFlight flight(scene, {unknown});
-      flight.set(Eigen::VectorXd::Zero(1), true);
-      for (const ContactSet held : held_sets(flight)) {
-        if (contains(held, contact)) continue;
-        SCOPED_TRACE(testing::Message() << unknown.key << ", held " << held);
-        const auto end_of = [&](Flight& of) {
-          Both::fly(of, scene.truth.start, t, tau, held);
-          of.strike(contact, stays, held);
-          return Both::state(of, t + tau);
-        };
-        const auto neighbour = [&](double c) {
-          const auto value = Eigen::VectorXd::Constant(1, unknown.value(c));
-          ModelFlight of(std::make_shared<Flows>(with(scene, {unknown}, value).model));
-          return end_of(of);
-        };
-        end_of(flight);
-        const Eigen::MatrixXd by_unknown = flight.to_state() * flight.by_unknowns();
-        expect_near(by_unknown, (neighbour(step) - neighbour(-step)) / (2.0 * step), 1e-5);
-      }
+      expect_exact_derivatives(scene, unknown, tau, k % 3 == 0);
+    }
+  }
+}
+
+// Numbers from which others follow: the matrices and directions of a beam, the force of a frame.
+TEST(FamilyFlight, DerivativesIncludeWhatFollowsFromANumber) {
+  for (const char* name : {"two_stops_beam", "swept_beam", "lab_rig"}) {
+    SCOPED_TRACE(name);
+    const Scene scene = shipped_scene(name);
+    for (const char* key :
+         {"beam.length", "beam.mass_per_length", "beam.damping_ratio.2", "system.M.1.1",
+          "system.M.1.2", "excitation.influence.1", "contact.1.direction.2"}) {
+      if (!scene_number(scene, key)) continue;
+      expect_exact_derivatives(scene, unknown_of(scene, key), 0.37, false);
     }
   }
 }

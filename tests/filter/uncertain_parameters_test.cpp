@@ -86,6 +86,16 @@ Scene coupled_rattle(Random& random, Eigen::Index, double share) {
   return scene;
 }
 
+// The same with a mass, and the direction in which a contact sees the masses, uncertain.
+Scene weighed_rattle(Random& random, Eigen::Index, double share) {
+  Scene scene = random_rattle(random, 2, share);
+  ParameterUncertainty& parameters = scene.prior.parameters;
+  parameters.keys = {"impact.restitution", "contact.1.direction.1", "system.M.2.2"};
+  parameters.sigma[1] *= std::abs(scene.model.contacts[0].w[0]);
+  parameters.sigma[2] *= scene.model.M(1, 1);
+  return scene;
+}
+
 // Two masses that a spring couples, each pressed against a stop of its own from which the
 // excitation lifts it: often both are held.
 Scene pressed_pair(Random& random, Eigen::Index, double share) {
@@ -234,6 +244,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, UncertainParameters,
                          ::testing::Values(UncertainMachine{"rattle", random_rattle, 20, 0.95},
                                            UncertainMachine{"record", swept_rattle, 29, 0.9},
                                            UncertainMachine{"coupled", coupled_rattle, 31, 0.95},
+                                           UncertainMachine{"weighed", weighed_rattle, 33, 0.95},
                                            UncertainMachine{"pressed", pressed_pair, 32, 0.9}),
                          [](const auto& of) { return std::string(of.param.name); });
 

@@ -179,6 +179,28 @@ INSTANTIATE_TEST_SUITE_P(Scenes, IdentificationOfScenes,
                          testing::Values("lab_rig", "two_stops_beam", "non_proportional",
                                          "paper_beam_chatter", "steel_ruler"));
 
+// One number of the machine that is not among the usual parameters.
+TEST(Identification, AnyNumberOfTheMachine) {
+  const std::pair<const char*, const char*> cases[] = {{"lab_rig", "system.M.2.2"},
+                                                       {"lab_rig", "contact.1.direction.1"},
+                                                       {"paper_beam", "beam.mass_per_length"},
+                                                       {"paper_beam", "beam.length"},
+                                                       {"non_proportional", "force.1.direction.2"}};
+  for (const auto& [name, key] : cases) {
+    SCOPED_TRACE(testing::Message() << name << ": " << key);
+    const Scene scene = shipped_scene(name);
+    const std::vector<Unknown> unknowns = unknowns_named(scene, {key});
+    const double truth = unknowns[0].value(0.02);
+    const std::vector<ContactEvent> events = events_of(with(scene, unknowns[0], truth), 30.0);
+    IdentificationSettings settings;
+    settings.unknowns = unknowns;
+    settings.jitter = 0.0;
+    const Identification found = identify(scene, events, settings);
+    EXPECT_TRUE(found.fits()) << reason_of(found);
+    EXPECT_NEAR(found.unknowns[0].value, truth, 1e-7 * std::abs(truth));
+  }
+}
+
 struct Sustained {
   const char* scene;
   const char* key;

@@ -21,7 +21,6 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
 using test::events_of;
 using test::shipped_scene;
 
@@ -270,11 +269,10 @@ std::pair<Unknown, double> random_mistake(Random& random, const Scene& scene) {
   const Unknown& of = parameters[static_cast<std::size_t>(
       random.integer(0, static_cast<int>(parameters.size()) - 1))];
   const double share = (random.chance(0.5) ? 1.0 : -1.0) * random.log_uniform(0.01, 0.05);
-  const double size = of.kind == Kind::phase ? 1.0
-                      : of.nominal == 0.0    ? 0.01
-                                             : std::abs(of.nominal);
-  double value = of.nominal + share * size;
-  if (of.upper_limit > 0.0) value = std::min(value, of.upper_limit);
+  const double size = quantity(of.key) == "phase" ? 1.0
+                      : of.nominal == 0.0         ? 0.01
+                                                  : std::abs(of.nominal);
+  const double value = std::min(of.nominal + share * size, of.upper_limit);
   if (value == of.nominal) return random_mistake(random, scene);  // outwards beyond the beam's tip
   return {of, value};
 }
@@ -283,9 +281,9 @@ std::pair<Unknown, double> random_mistake(Random& random, const Scene& scene) {
 /// contact and of all.
 bool can_be_one(const Unknown& a, const Unknown& b) {
   const auto sizes = [](const Unknown& of) {
-    return of.kind == Kind::amplitude || of.kind == Kind::clearance;
+    return quantity(of.key) == "amplitude" || quantity(of.key) == "clearance";
   };
-  return a.kind == b.kind || (sizes(a) && sizes(b));
+  return quantity(a.key) == quantity(b.key) || (sizes(a) && sizes(b));
 }
 
 struct Mistakes {
@@ -460,7 +458,7 @@ TEST(Diagnose, RateOfABallsClockIsNotDetermined) {
             std::string::npos)
       << to_text(diagnosis);
   for (const Candidate& candidate : diagnosis.candidates) {
-    if (candidate.parameter.kind == Kind::clock_rate) {
+    if (candidate.parameter.key == "clock.rate") {
       EXPECT_FALSE(candidate.determined);
     }
   }

@@ -48,7 +48,7 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
       entry["value"] = candidate.value;
       entry["deviation"] = candidate.deviation;
       entry["change"] = candidate.change();
-      if (parameter.is_relative()) {
+      if (parameter.relative) {
         entry["change_percent"] = 100.0 * candidate.change() / std::abs(parameter.nominal);
       }
       entry["scatter"] = candidate.scatter;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
@@ -13,8 +14,6 @@
 
 namespace sprag {
 namespace {
-
-using Kind = Unknown::Kind;
 
 class Text {
  public:
@@ -44,12 +43,12 @@ class Text {
   std::vector<SceneValue> values_;
 };
 
-std::string entry(const char* matrix, Eigen::Index i, Eigen::Index j) {
-  return std::string(matrix) + '.' + std::to_string(i + 1) + '.' + std::to_string(j + 1);
+std::string entry(const std::string& matrix, Eigen::Index i, Eigen::Index j) {
+  return matrix + '.' + std::to_string(i + 1) + '.' + std::to_string(j + 1);
 }
 
 // A matrix that was read from a file is written in place of the file's name.
-void set_matrix(const char* path, const Eigen::MatrixXd& matrix, Text& text) {
+void set_matrix(const std::string& path, const Eigen::MatrixXd& matrix, Text& text) {
   if (text.is_file(path)) {
     text.set(path, matrix);
     return;
@@ -75,12 +74,12 @@ void set_damping_ratio(const std::string& path, double factor, const Eigen::Vect
   }
 }
 
-void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const char* key, Text& text) {
+void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const std::string& key,
+                   Text& text) {
   const auto value_of = [&](const Harmonic& harmonic) {
-    const std::string name = key;
-    return name == "amplitude"   ? harmonic.amplitude
-           : name == "frequency" ? harmonic.frequency
-                                 : harmonic.phase;
+    return key == "amplitude"   ? harmonic.amplitude
+           : key == "frequency" ? harmonic.frequency
+                                : harmonic.phase;
   };
   if (group.of_frame) {
     text.set(group.key + "." + key, value_of(fitted.frame->motion));
@@ -94,6 +93,20 @@ void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const char* 
     text.set("contact." + std::to_string(i + 1) + ".motion." + key,
              value_of(fitted.model.contacts[static_cast<std::size_t>(i)].motion));
   }
+}
+
+// Sets a number of all harmonics, or of a group. Returns false for a frame, whose key is in the
+// text, and for other keys.
+bool set_harmonics(const Scene& scene, const Scene& fitted, const std::string& key, Text& text) {
+  const bool all = key.starts_with("excitations.");
+  const std::string number(quantity(key));
+  bool is_set = false;
+  for (const HarmonicGroup& group : harmonic_groups(scene)) {
+    if (!all && (group.of_frame || key != group.key + '.' + number)) continue;
+    set_harmonics(fitted, group, number, text);
+    is_set = true;
+  }
+  return is_set;
 }
 
 // Restitutions of which some depend on the speed.
@@ -118,85 +131,80 @@ void set_curves(const Scene& fitted, Text& text) {
   }
 }
 
-void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {
-  const Unknown& unknown = of.unknown;
-  const bool factor = !scene.beam;
-  switch (unknown.kind) {
-    case Kind::restitution:
-    case Kind::restitution_slope: {
-      if (has_curves(scene.model)) return;  // set_curves()
-      if (unknown.index >= 0) break;
-      // Contacts with a restitution of their own keep it unless it is written as well.
-      for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
-        const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
-        if (text.has(own)) text.set(own, fitted.model.contacts[i].restitution);
-      }
-      const std::string common = "impact.restitution";
-      if (!text.has(common)) return;
-      const bool one = has_one_restitution(scene.model);
-      text.set(common, one ? of.value : of.value * text.number(common, 0.0));
-      return;
-    }
-    case Kind::damping:
-      if (factor) {
-        if (text.has("system.C")) {
-          set_matrix("system.C", scene.kept ? of.value * scene.kept->C : fitted.model.C, text);
-        }
-        return;
-      }
-      if (scene.beam->damping_ratio.size() > 0) {
-        set_damping_ratio(damping_ratio_path(text, "beam"), of.value, fitted.beam->damping_ratio,
-                          text);
-        return;
-      }
-      break;
-    case Kind::stiffness:
-      if (factor) {
-        set_matrix("system.K", scene.kept ? of.value * scene.kept->K : fitted.model.K, text);
-        return;
-      }
-      break;
-    case Kind::damping_entry:
-    case Kind::stiffness_entry: {
-      const bool of_C = unknown.kind == Kind::damping_entry;
-      const char* matrix = of_C ? "system.C" : "system.K";
-      if (text.is_file(matrix)) {
-        set_matrix(matrix, of_C ? fitted.model.C : fitted.model.K, text);
-        return;
-      }
-      text.set(entry(matrix, unknown.row, unknown.column), of.value);
-      if (unknown.row != unknown.column) {
-        text.set(entry(matrix, unknown.column, unknown.row), of.value);
-      }
-      return;
-    }
-    case Kind::frequency:
-    case Kind::phase:
-    case Kind::amplitude: {
-      const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-      if (unknown.index >= 0 && groups[static_cast<std::size_t>(unknown.index)].of_frame) break;
-      const char* key = unknown.kind == Kind::frequency   ? "frequency"
-                        : unknown.kind == Kind::amplitude ? "amplitude"
-                                                          : "phase";
-      for (std::size_t g = 0; g < groups.size(); ++g) {
-        if (unknown.index >= 0 && unknown.index != static_cast<int>(g)) continue;
-        set_harmonics(fitted, groups[g], key, text);
-      }
-      return;
-    }
-    default:
-      break;
+// A restitution for all contacts. Contacts with a restitution of their own keep it unless it is
+// written as well.
+void set_restitutions(const Scene& scene, const Scene& fitted, double value, Text& text) {
+  for (std::size_t i = 0; i < scene.model.contacts.size(); ++i) {
+    const std::string own = "contact." + std::to_string(i + 1) + ".restitution";
+    if (text.has(own)) text.set(own, fitted.model.contacts[i].restitution);
   }
-  text.set(unknown.key, of.value);
+  const std::string common = "impact.restitution";
+  if (!text.has(common)) return;
+  const bool one = has_one_restitution(scene.model);
+  text.set(common, one ? value : value * text.number(common, 0.0));
+}
+
+// Sets an entry of a matrix or a vector, whose place may have the name of a file.
+void set_entry(const Scene& fitted, const std::string& key, double value, Text& text) {
+  const std::size_t last = key.rfind('.');
+  const std::string_view of = quantity(key);
+  if (!key.starts_with("system.")) {
+    const std::string path = key.substr(0, last);
+    const auto i = static_cast<std::size_t>(std::atoi(key.c_str() + key.find('.') + 1)) - 1;
+    if (of == "damping_ratio") {
+      text.set(damping_ratio_path(text, "beam"), fitted.beam->damping_ratio);
+    } else if (of == "influence") {
+      text.set(path, fitted.frame->influence);
+    } else if (key.starts_with("force.")) {
+      text.set(path, fitted.model.forces[i].direction);
+    } else {
+      text.set(path, fitted.model.contacts[i].w);
+    }
+    return;
+  }
+  const std::string matrix = "system." + std::string(of);
+  if (text.is_file(matrix)) {
+    const Model& model = fitted.model;
+    set_matrix(matrix, of == "M" ? model.M : of == "C" ? model.C : model.K, text);
+    return;
+  }
+  const std::size_t first = key.rfind('.', last - 1);
+  text.set(key, value);
+  text.set(matrix + key.substr(last) + key.substr(first, last - first), value);
+}
+
+void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {
+  const std::string& key = of.unknown.key;
+  const std::string_view number = quantity(key);
+  const bool of_curve = number == "restitution" || number == "slope";
+  if (of_curve && has_curves(scene.model)) return;  // set_curves()
+  if (is_of_entry(key)) {
+    set_entry(fitted, key, of.value, text);
+  } else if (key == "impact.restitution") {
+    set_restitutions(scene, fitted, of.value, text);
+  } else if (key == "system.C") {
+    if (!text.has(key)) return;
+    set_matrix(key, scene.kept ? of.value * scene.kept->C : fitted.model.C, text);
+  } else if (key == "system.K") {
+    set_matrix(key, scene.kept ? of.value * scene.kept->K : fitted.model.K, text);
+  } else if (key == "beam.damping_ratio") {
+    set_damping_ratio(damping_ratio_path(text, "beam"), of.value, fitted.beam->damping_ratio, text);
+  } else if (!set_harmonics(scene, fitted, key, text)) {
+    text.set(key, of.value);
+  }
+}
+
+bool is_of_matrix_entry(const Unknown& unknown) {
+  return unknown.key.starts_with("system.") && is_of_entry(unknown.key);
 }
 
 // Sets a system's Rayleigh damping such that the fitted K gives the fitted C.
 void set_rayleigh(const Identification& fit, const std::string& file, Text& text) {
   double of_C = 1.0, of_K = 1.0;
   for (const FittedUnknown& of : fit.unknowns) {
-    if (of.unknown.kind == Kind::damping) of_C = of.value;
-    if (of.unknown.kind == Kind::stiffness) of_K = of.value;
-    if (of.unknown.kind == Kind::damping_entry || of.unknown.kind == Kind::stiffness_entry) {
+    if (of.unknown.key == "system.C") of_C = of.value;
+    if (of.unknown.key == "system.K") of_K = of.value;
+    if (is_of_matrix_entry(of.unknown)) {
       throw SceneError(file, "system.rayleigh cannot say a single entry; give system.C");
     }
   }
@@ -210,9 +218,9 @@ void set_system_ratio(const Identification& fit, const std::string& file, Text& 
   const std::string path = damping_ratio_path(text, "system");
   double factor = 1.0;
   for (const FittedUnknown& of : fit.unknowns) {
-    if (of.unknown.kind == Kind::damping) factor *= of.value;
-    if (of.unknown.kind == Kind::stiffness) factor /= std::sqrt(of.value);
-    if (of.unknown.kind == Kind::damping_entry || of.unknown.kind == Kind::stiffness_entry) {
+    if (of.unknown.key == "system.C") factor *= of.value;
+    if (of.unknown.key == "system.K") factor /= std::sqrt(of.value);
+    if (is_of_matrix_entry(of.unknown)) {
       throw SceneError(file, path + " cannot say a single entry; give system.C");
     }
   }

@@ -41,15 +41,14 @@ int closings_of(std::span<const ContactEvent> events, int at_least) {
 // %, a damping 100 %. Several harmonics are taken together. The clock's offset is left out where it
 // is a phase, unless it is asked for.
 std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::string>& keys) {
-  using Kind = Unknown::Kind;
   const std::vector<Unknown> common = common_unknowns(scene);
   const bool together = std::any_of(common.begin(), common.end(), is_common);
   const bool is_phase = only_frequency(scene.model) > 0.0;
   std::vector<Unknown> causes = common;
   for (Unknown& unknown : unknowns_of(scene)) {
-    const bool of_one = unknown.kind == Kind::amplitude || unknown.kind == Kind::phase ||
-                        unknown.kind == Kind::frequency;
-    if (unknown.kind == Kind::constant || (together && of_one)) continue;
+    const std::string_view of = quantity(unknown.key);
+    const bool of_one = of == "amplitude" || of == "phase" || of == "frequency";
+    if (of == "constant" || (together && of_one)) continue;
     causes.push_back(std::move(unknown));
   }
   if (!keys.empty()) {
@@ -57,13 +56,12 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::st
     for (const std::string& key : keys) causes.push_back(unknown_of(scene, key));
   }
   for (Unknown& unknown : causes) {
-    unknown.within = unknown.kind == Kind::damping     ? 1.0
-                     : unknown.kind == Kind::frequency ? 0.1
-                                                       : 0.3;
+    const bool of_damping = tolerance_of(unknown) == "damping";
+    unknown.within = of_damping ? 1.0 : quantity(unknown.key) == "frequency" ? 0.1 : 0.3;
   }
   if (!keys.empty()) return causes;
   for (Unknown& of_clock : clock_unknowns(scene)) {
-    if (of_clock.kind == Kind::clock_rate || !is_phase) causes.push_back(std::move(of_clock));
+    if (of_clock.key == "clock.rate" || !is_phase) causes.push_back(std::move(of_clock));
   }
   return causes;
 }
@@ -71,11 +69,14 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::st
 // Whether the parameter alone sets the scale of the motion, so that events cannot determine it.
 bool is_the_scale(const Scene& scene, const Unknown& unknown) {
   if (!carries_scale(unknown)) return false;
-  if (unknown.kind != Unknown::Kind::gain) return is_homogeneous(with(scene, unknown, 0.0).model);
   Model without = scene.model;
-  const RecordedInput record = recorded_inputs(scene)[static_cast<std::size_t>(unknown.index)];
-  replace_input(record, nullptr, without);
-  return is_homogeneous(without);
+  for (const RecordedInput& record : recorded_inputs(scene)) {
+    if (unknown.key == record.key + ".gain") {
+      replace_input(record, nullptr, without);
+      return is_homogeneous(without);
+    }
+  }
+  return is_homogeneous(with(scene, unknown, 0.0).model);
 }
 
 std::string rate_ambiguity(const Scene& scene) {
@@ -231,7 +232,8 @@ std::string key_of_second(const Unknown& best, const Identification& fit,
                           double sigma) {
   std::vector<std::vector<Unknown>> pairs;
   for (const Unknown& second : parameters) {
-    const bool same = second.kind == best.kind && (second.index < 0 || second.index == best.index);
+    const bool same = quantity(second.key) == quantity(best.key) &&
+                      (second.key == best.key || !second.key.starts_with("contact."));
     if (!same) pairs.push_back({best, second});
   }
   const std::vector<std::optional<Identification>> fits = judge.fits(pairs);
@@ -266,7 +268,7 @@ std::vector<const Candidate*> Diagnosis::ties() const {
 
 const Candidate* Diagnosis::phase() const {
   for (const Candidate& candidate : candidates) {
-    if (candidate.parameter.kind == Unknown::Kind::phase) return &candidate;
+    if (quantity(candidate.parameter.key) == "phase") return &candidate;
   }
   return nullptr;
 }

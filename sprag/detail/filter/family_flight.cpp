@@ -179,7 +179,7 @@ void FamilyFlight::move_free(double part, const std::vector<OscillatorStep>& ste
     PolynomialForce force{machine.constant_force[i]};
     for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
       const InputDerivatives& of = variant.recorded[r];
-      const double share = family_.recorded_forces()(i, static_cast<Eigen::Index>(r));
+      const double share = machine.recorded_forces(i, static_cast<Eigen::Index>(r));
       for (std::size_t k = 2; k < of.size(); ++k) force[k - 2] += share * of[k];
     }
     move_under_force(0.5 * machine.C(i, i), machine.K(i, i), force, part, y, u);
@@ -203,9 +203,9 @@ void FamilyFlight::set_generator(const FamilyMachine& machine, ContactSet held, 
       A(j, j + 1) = -machine.frequencies[h];
       A(j + 1, j) = machine.frequencies[h];
     }
-    for (Eigen::Index r = 0; r < family_.recorded_forces().cols(); ++r) {
+    for (Eigen::Index r = 0; r < machine.recorded_forces.cols(); ++r) {
       const Eigen::Index j = first_record() + chain * r;
-      A.col(j).segment(n(), n()) = family_.recorded_forces().col(r);
+      A.col(j).segment(n(), n()) = machine.recorded_forces.col(r);
       for (Eigen::Index k = j; k + 1 < j + chain; ++k) A(k, k + 1) = 1.0;
     }
   }
@@ -220,7 +220,7 @@ void FamilyFlight::set_generator(const FamilyMachine& machine, ContactSet held, 
       double acceleration = machine.W.col(i).dot(column);
       if (j >= first_record()) {
         if ((j - first_record()) % chain == 0) {
-          acceleration += family_.shares()(i, (j - first_record()) / chain);
+          acceleration += machine.shares(i, (j - first_record()) / chain);
         }
       } else if (j >= first) {
         const Eigen::Index h = (j - first) / 2;
@@ -233,11 +233,11 @@ void FamilyFlight::set_generator(const FamilyMachine& machine, ContactSet held, 
   }
 }
 
-// Adds W_H lambda.
+// Adds M^-1 W_H lambda.
 void FamilyFlight::add_forces(const FamilyMachine& machine, ContactSet held,
                               const ContactVector& lambda, Eigen::Ref<Eigen::VectorXd> u) const {
   Eigen::Index row = 0;
-  for_each(held, [&](int i) { u += lambda[row++] * machine.W.col(i); });
+  for_each(held, [&](int i) { u += lambda[row++] * machine.D.col(i); });
 }
 
 void FamilyFlight::find(const FamilyMachine& machine, double tau, ContactSet held, bool with_inputs,
@@ -468,7 +468,7 @@ double FamilyFlight::applied(Eigen::Index i, int order, const Variant& variant) 
     force += order == 0 ? F.real() : -machine.frequencies[h] * F.imag();
   }
   for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
-    force += family_.recorded_forces()(i, static_cast<Eigen::Index>(r)) *
+    force += machine.recorded_forces(i, static_cast<Eigen::Index>(r)) *
              variant.recorded[r][static_cast<std::size_t>(order) + 2];
   }
   return force;
@@ -499,7 +499,7 @@ Flight::Gap FamilyFlight::support(int contact, const Variant& variant) const {
   gap.length = std::abs(gap.g);
   for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
     const InputDerivatives& of = variant.recorded[r];
-    const double share = family_.shares()(contact, static_cast<Eigen::Index>(r));
+    const double share = machine.shares(contact, static_cast<Eigen::Index>(r));
     gap.g += share * of[0];
     gap.length += std::abs(share * of[0]);
     gap.velocity += share * of[1];
@@ -572,7 +572,7 @@ Flight::Gap FamilyFlight::force(int contact, const Variant& variant) const {
       rate += Omega * square(Omega) * z.imag();
     }
     for (std::size_t r = 0; r < variant.recorded.size(); ++r) {
-      rate += family_.shares()(i, static_cast<Eigen::Index>(r)) * variant.recorded[r][3];
+      rate += machine.shares(i, static_cast<Eigen::Index>(r)) * variant.recorded[r][3];
     }
     return rate;
   });
@@ -635,7 +635,7 @@ void FamilyFlight::find_jump(int contact, double epsilon, bool ends_chatter, Con
                              const Variant& variant, Jump& jump) const {
   const FamilyMachine& machine = variant.machine;
   jump.change = 1.0 + epsilon;
-  jump.direction = machine.W.col(contact) / machine.G(contact, contact);
+  jump.direction = machine.D.col(contact) / machine.G(contact, contact);
   jump.staying = others;
   if (others == 0) return;
   const SingleImpact impact = single_impact(machine.G, family_.scene().model.law,
@@ -697,7 +697,7 @@ void FamilyFlight::carry_through(Columns dx) const {
 void FamilyFlight::along(int contact, Vector dx) const {
   const FamilyMachine& machine = centre().machine;
   dx.head(n()).setZero();
-  dx.tail(n()) = machine.W.col(contact) / machine.G(contact, contact);
+  dx.tail(n()) = machine.D.col(contact) / machine.G(contact, contact);
 }
 
 void FamilyFlight::enter(const ConstVector& q, const ConstVector& u, double, Vector x) {

@@ -1,6 +1,6 @@
 // Flight and impact of the machines that the unknowns of a scene span (family_machine.h),
 //
-//   y'' + C y' + K y = F(t) + W lambda,   w_i^T y'' + s_i'' = 0 for each held contact i,
+//   y'' + C y' + K y = F(t) + D lambda,   w_i^T y'' + s_i'' = 0 for each held contact i,
 //
 // in x = (y, y') with the modes y of the nominal machine. With H the held contacts, the contact
 // forces are lambda_H = -G_HH^-1 (W_H^T y''_free + s_H''), so that x' = A_H x + B_H i(t). The

@@ -1,5 +1,6 @@
 #include "sprag/detail/filter/family_machine.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -9,6 +10,7 @@
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
+#include "sprag/detail/parameters/scene_number.h"
 
 namespace sprag {
 namespace {
@@ -24,42 +26,46 @@ const Harmonic& harmonic_of(const HarmonicGroup& group, const Model& model) {
 }  // namespace
 
 bool FamilyMachine::moves_like(const FamilyMachine& other) const {
-  return C == other.C && K == other.K && W == other.W && constant_force == other.constant_force &&
+  return C == other.C && K == other.K && W == other.W && D == other.D && shares == other.shares &&
+         recorded_forces == other.recorded_forces && constant_force == other.constant_force &&
          frequencies == other.frequencies && forces == other.forces && motions == other.motions;
 }
 
 FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Unknown> unknowns)
-    : values_(scene, std::move(unknowns)) {
+    : values_(scene, std::move(unknowns)), groups_(values_.groups()) {
   const Model& model = scene.model;
+  // A harmonic with a frequency of its own is a group of its own.
+  for (const Unknown& unknown : this->unknowns()) {
+    const auto has_group = [&](const HarmonicGroup& group) {
+      return unknown.key.starts_with(group.key + '.');
+    };
+    if (quantity(unknown.key) != "frequency" || !scene_number(scene, unknown.key)) continue;
+    if (std::none_of(groups_.begin(), groups_.end(), has_group)) {
+      groups_ = harmonic_groups(scene, false);
+    }
+  }
   if (scene.beam) {
     V_ = model.M.diagonal().cwiseSqrt().cwiseInverse().asDiagonal();
   } else {
     V_ = eigenpairs(model.K, model.M).vectors;
   }
   V_transposed_ = V_.transpose();
-  const Eigen::Index n = V_.rows(), m = contacts(), H = std::ssize(values_.groups());
+  const Eigen::Index n = V_.rows(), m = contacts();
+  const auto H = std::ssize(groups_), R = std::ssize(records());
   C_ = congruent(V_, model.C);
   K_ = congruent(V_, model.K).diagonal().cwiseMax(0.0).asDiagonal();
   if (is_nearly_diagonal(C_)) C_ = C_.diagonal().eval().asDiagonal();
   directions_.resize(n, std::ssize(model.forces));
-  for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
-    directions_.col(j) = V_transposed_ * model.forces[static_cast<std::size_t>(j)].direction;
-  }
-  const auto R = std::ssize(records());
-  recorded_forces_.setZero(n, R);
-  shares_.setZero(m, R);
-  for (Eigen::Index r = 0; r < R; ++r) {
-    const RecordedInput& record = records()[static_cast<std::size_t>(r)];
-    for (const int j : record.forces) recorded_forces_.col(r) += directions_.col(j);
-    for (const int i : record.contacts) {
-      shares_(i, r) = model.contacts[static_cast<std::size_t>(i)].input_share;
-    }
-  }
-  for (Eigen::MatrixXd* of : {&change_, &product_}) of->resize(n, n);
+  identity_.setIdentity(n, n);
+  for (Eigen::MatrixXd* of : {&change_, &product_, &M_}) of->resize(n, n);
   nominal_.scene = scene;
   nominal_.records = values_.gains_and_delays();
-  for (Eigen::MatrixXd* of : {&nominal_.W, &nominal_.CW, &nominal_.KW}) of->resize(n, m);
+  for (Eigen::MatrixXd* of : {&nominal_.W, &nominal_.D, &nominal_.CW, &nominal_.KW}) {
+    of->resize(n, m);
+  }
   nominal_.G.resize(m, m);
+  nominal_.shares.resize(m, R);
+  nominal_.recorded_forces.resize(n, R);
   nominal_.clearance.resize(m);
   nominal_.restitution.resize(m);
   nominal_.constant_force.resize(n);
@@ -114,11 +120,18 @@ void FamilyOfMachines::to_modes(const Eigen::MatrixXd& nominal, const Eigen::Mat
   multiply_and_add(product_, V_, in_modes);
 }
 
+// Multiplies columns by the inverse of M_, whose Cholesky factor it has.
+void FamilyOfMachines::divide_by_mass(Eigen::Ref<Eigen::MatrixXd> columns) const {
+  M_.triangularView<Eigen::Lower>().solveInPlace(columns);
+  M_.transpose().triangularView<Eigen::Upper>().solveInPlace(columns);
+}
+
 void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& like,
                            FamilyMachine& machine) {
   const auto number = [](Eigen::Index i) { return static_cast<std::size_t>(i); };
   Scene& changed = machine.scene;
-  if (&like != &machine && !changed.positions.empty()) {
+  if (&like != &machine && changed.beam) {
+    changed.beam = like.scene.beam;
     changed.positions = like.scene.positions;
     for (Eigen::Index i = 0; i < contacts(); ++i) {
       changed.model.contacts[number(i)].w = like.scene.model.contacts[number(i)].w;
@@ -132,18 +145,40 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   const double shift = (changed.clock.offset - clock.offset) / clock.rate;
   to_modes(C_, scene().model.C, model.C, machine.C);
   to_modes(K_, scene().model.K, model.K, machine.K);
-  machine.clock_scale = scale;
-  machine.C /= scale;
-  machine.K /= square(scale);
   for (Eigen::Index i = 0; i < contacts(); ++i) {
     const Contact& contact = model.contacts[number(i)];
     machine.W.col(i).noalias() = V_transposed_.lazyProduct(contact.w);
     machine.clearance[i] = contact.clearance + constant_part(contact.motion);
     machine.restitution[i] = contact.restitution;
   }
-  machine.KW.noalias() = machine.K.lazyProduct(machine.W);
+  for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
+    directions_.col(j).noalias() = V_transposed_.lazyProduct(model.forces[number(j)].direction);
+  }
+  machine.D = machine.W;
+  if (model.M != scene().model.M) {
+    to_modes(identity_, scene().model.M, model.M, M_);
+    if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(M_).info() != Eigen::Success) {
+      M_.setConstant(std::nan(""));  // no machine
+    }
+    for (Eigen::MatrixXd* of : {&machine.C, &machine.K, &machine.D, &directions_}) {
+      divide_by_mass(*of);
+    }
+  }
+  machine.clock_scale = scale;
+  machine.C /= scale;
+  machine.K /= square(scale);
+  machine.KW.noalias() = machine.K.transpose().lazyProduct(machine.W);
   machine.CW.noalias() = machine.C.transpose().lazyProduct(machine.W);
-  machine.G.noalias() = machine.W.transpose().lazyProduct(machine.W);
+  machine.G.noalias() = machine.W.transpose().lazyProduct(machine.D);
+  machine.recorded_forces.setZero();
+  for (Eigen::Index r = 0; r < machine.shares.cols(); ++r) {
+    const RecordedInput& record = records()[number(r)];
+    for (const int j : record.forces) machine.recorded_forces.col(r) += directions_.col(j);
+    machine.shares.col(r).setZero();
+    for (const int i : record.contacts) {
+      machine.shares(i, r) = model.contacts[number(i)].input_share;
+    }
+  }
   machine.constant_force.setZero();
   for (Eigen::Index j = 0; j < directions_.cols(); ++j) {
     const Force& force = model.forces[number(j)];
@@ -153,7 +188,7 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   machine.forces.setZero();
   machine.motions.setZero();
   for (Eigen::Index h = 0; h < machine.frequencies.size(); ++h) {
-    const HarmonicGroup& group = values_.groups()[number(h)];
+    const HarmonicGroup& group = groups_[number(h)];
     const double Omega = harmonic_of(group, model).frequency / scale;
     const Complex turn = std::polar(1.0, -Omega * shift);
     machine.frequencies[h] = Omega;

@@ -1,8 +1,9 @@
 // The machines that the unknowns of a scene span, in coordinates y that they share: q = V y with
 // the modes V of the nominal machine, V^T M V = 1. In them a machine is
 //
-//   y'' + C y' + K y = F(t) + W lambda,   g_i = w_i^T y + s_i(t) + c_i.
+//   y'' + C y' + K y = F(t) + D lambda,   g_i = w_i^T y + s_i(t) + c_i,
 //
+// with C, K and F times the inverse of the machine's own mass matrix in them, and D = M^-1 W.
 // t is the time of the events by the nominal contact clock. With another rate or offset of the
 // clock the machine runs at another speed in t.
 #pragma once
@@ -19,12 +20,14 @@ namespace sprag {
 struct FamilyMachine {
   Scene scene;                        ///< with the machine's values, except for its records
   std::vector<GainAndDelay> records;  ///< gain and delay of each record
-  Eigen::MatrixXd C, K;               ///< n x n
-  Eigen::MatrixXd W, CW, KW;          ///< n x m: W, C^T W, K W
-  Eigen::MatrixXd G;                  ///< W^T W, m x m
+  Eigen::MatrixXd C, K;               ///< n x n: M^-1 C, M^-1 K
+  Eigen::MatrixXd W, D, CW, KW;       ///< n x m: W, M^-1 W, C^T W, K^T W
+  Eigen::MatrixXd G;                  ///< W^T D, m x m
+  Eigen::MatrixXd shares;             ///< m x R: motions of the supports by e(t) of each record
   Eigen::VectorXd clearance;
   Eigen::VectorXd restitution;  ///< of the slowest impacts; scene.model has those of the faster
   double clock_scale = 1.0;     ///< speeds in the machine's own time over those of the events' time
+  Eigen::MatrixXd recorded_forces;   ///< n x R: F by a(t) of each record
   Eigen::VectorXd constant_force;    ///< n entries
   Eigen::VectorXd frequencies;       ///< H entries [rad per unit of time]
   Eigen::MatrixXcd forces, motions;  ///< n x H and m x H: F and s are Re(forces e^(i Omega t))
@@ -45,9 +48,6 @@ class FamilyOfMachines {
   Eigen::Index n() const { return V_.rows(); }
   int contacts() const { return static_cast<int>(scene().model.contacts.size()); }
   const Eigen::MatrixXd& V() const { return V_; }
-  /// Forces n x R by a(t), and motions of the supports m x R by e(t), of each record.
-  const Eigen::MatrixXd& recorded_forces() const { return recorded_forces_; }
-  const Eigen::MatrixXd& shares() const { return shares_; }
   /// Whether C and K of all machines are diagonal, and no mode is in resonance with a harmonic.
   bool uncoupled() const { return uncoupled_; }
   /// Whether C or K depends on unknown number k.
@@ -61,17 +61,18 @@ class FamilyOfMachines {
  private:
   void to_modes(const Eigen::MatrixXd& nominal, const Eigen::MatrixXd& of_nominal,
                 const Eigen::MatrixXd& of, Eigen::MatrixXd& in_modes);
+  void divide_by_mass(Eigen::Ref<Eigen::MatrixXd> columns) const;
   bool resonates() const;
 
   SceneValues values_;
+  std::vector<HarmonicGroup> groups_;  // of one frequency each
   Eigen::MatrixXd V_, V_transposed_;
-  Eigen::MatrixXd C_, K_;       // of the nominal machine
-  Eigen::MatrixXd directions_;  // n x forces: V^T d_j
-  Eigen::MatrixXd recorded_forces_, shares_;
+  Eigen::MatrixXd C_, K_;  // of the nominal machine
   bool uncoupled_ = false;
   std::vector<bool> changes_flow_;
   FamilyMachine nominal_;
-  Eigen::MatrixXd change_, product_;  // scratch
+  Eigen::MatrixXd identity_;
+  Eigen::MatrixXd change_, product_, M_, directions_;  // scratch; directions: n x forces
 };
 
 }  // namespace sprag

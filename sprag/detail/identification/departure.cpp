@@ -155,7 +155,7 @@ Departure estimate_departure(const Scene& scene, const std::vector<Unknown>& unk
   Departure departure;
   if (!(std::sqrt(fit.variance()) < near * scale.interval)) return departure;
   const bool of_restitution = std::any_of(unknowns.begin(), unknowns.end(), [](const auto& of) {
-    return of.kind == Unknown::Kind::restitution;
+    return quantity(of.key) == "restitution";
   });
   const Departures departures(solver, fit, scale);
   departure.drift = departures.drift(scene);

@@ -12,13 +12,10 @@ namespace {
 
 // Whether a change of the clock may appear as a change of the parameter.
 bool follows_clock(const Unknown& unknown, const Unknown& of_clock) {
-  using enum Unknown::Kind;
-  const Unknown::Kind kind = unknown.kind;
-  if (of_clock.kind == clock_offset) return kind == phase;
-  const bool of_flow = kind == stiffness || kind == damping || kind == stiffness_entry ||
-                       kind == damping_entry || kind == frequency;
+  const std::string_view of = quantity(unknown.key);
+  if (of_clock.key == "clock.offset") return of == "phase";
   // A fit without the clock may take the shift of the first impacts as a phase, and scale F / r^2.
-  return of_clock.kind == clock_rate && (of_flow || kind == phase || carries_scale(unknown));
+  return is_of_flow(unknown) || of == "frequency" || of == "phase" || carries_scale(unknown);
 }
 
 // Wald's test: whether the parameters that are not sought are far from nominal, by their
@@ -31,7 +28,7 @@ bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
     const FittedUnknown& fitted = fit.unknowns[k];
     // A free scale changes amplitudes, constant forces and clearances together.
     const bool has_scale =
-        carries_scale(fitted.unknown) || fitted.unknown.kind == Unknown::Kind::clearance;
+        carries_scale(fitted.unknown) || quantity(fitted.unknown.key) == "clearance";
     const bool is_sought = std::any_of(sought.begin(), sought.end(), [&](std::size_t j) {
       return all[j].key == fitted.unknown.key || (carries_scale(all[j]) && has_scale) ||
              (is_of_clock(all[j]) && follows_clock(fitted.unknown, all[j]));

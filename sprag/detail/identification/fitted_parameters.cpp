@@ -11,14 +11,9 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
-
 // The standard deviation in the unit of the key in the written scene.
 double sigma_in(const Scene& written, const FittedUnknown& of) {
-  const Kind kind = of.unknown.kind;
-  const bool absolute = kind == Kind::phase || kind == Kind::clearance ||
-                        kind == Kind::clock_offset || kind == Kind::delay;
-  if (absolute || of.value == 0.0) return of.sigma;
+  if (!of.unknown.relative || of.value == 0.0) return of.sigma;
   return of.sigma * std::abs(unknown_of(written, of.unknown.key).nominal / of.value);
 }
 

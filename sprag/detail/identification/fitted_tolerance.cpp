@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/detail/parameters/unknowns.h"
+
 namespace sprag {
 Tolerance fitted_tolerance(const Identification& fit, double jitter) {
   Tolerance tolerance;
@@ -14,22 +16,16 @@ Tolerance fitted_tolerance(const Identification& fit, double jitter) {
     const auto raise = [](double& of, double to, double most) {
       of = std::min(std::max(of, to), most);
     };
-    switch (fitted.unknown.kind) {
-      case Unknown::Kind::restitution:
-        // A common factor changes each restitution, which is at most 1, by at most this.
-        raise(tolerance.restitution, limit, Tolerance::largest_restitution);
-        break;
-      case Unknown::Kind::stiffness:
-        raise(tolerance.stiffness, share, Tolerance::largest_share);
-        break;
-      case Unknown::Kind::damping:
-        raise(tolerance.damping, share, Tolerance::largest_share);
-        break;
-      case Unknown::Kind::clearance:
-        tolerance.clearance = std::max(tolerance.clearance, limit);
-        break;
-      default:
-        break;
+    const std::string_view covered = tolerance_of(fitted.unknown);
+    if (covered == "restitution") {
+      // A common factor changes each restitution, which is at most 1, by at most this.
+      raise(tolerance.restitution, limit, Tolerance::largest_restitution);
+    } else if (covered == "stiffness") {
+      raise(tolerance.stiffness, share, Tolerance::largest_share);
+    } else if (covered == "damping") {
+      raise(tolerance.damping, share, Tolerance::largest_share);
+    } else if (covered == "clearance") {
+      tolerance.clearance = std::max(tolerance.clearance, limit);
     }
   }
   return tolerance;
@@ -38,15 +34,8 @@ Tolerance fitted_tolerance(const Identification& fit, double jitter) {
 std::vector<std::string> not_tolerated(const Identification& fit) {
   std::vector<std::string> keys;
   for (const FittedUnknown& fitted : fit.unknowns) {
-    switch (fitted.unknown.kind) {
-      case Unknown::Kind::restitution:
-      case Unknown::Kind::stiffness:
-      case Unknown::Kind::damping:
-      case Unknown::Kind::clearance:
-        break;
-      default:
-        if (fitted.determined) keys.push_back(fitted.unknown.key);
-    }
+    const bool covered = !tolerance_of(fitted.unknown).empty();
+    if (fitted.determined && !covered) keys.push_back(fitted.unknown.key);
   }
   return keys;
 }

@@ -15,8 +15,6 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using Kind = Unknown::Kind;
-
 // Slack of a gap, in sigma times the speed.
 constexpr double slack = 1e-3;
 // Standard deviation of the prior of a parameter, in ranges.
@@ -142,11 +140,9 @@ GaussNewton::GaussNewton(const Scene& scene, const std::vector<Unknown>& unknown
   scale_.setOnes(P_);
   for (Index k = 0; k < P_; ++k) {
     const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
-    const bool linear = unknown.kind == Kind::phase || unknown.kind == Kind::clearance;
-    if (linear) continue;
     low_[k] = unknown.lowest();
     high_[k] = unknown.highest();
-    if (!unknown.is_relative() || is_of_clock(unknown)) continue;
+    if (unknown.reach > 0.0 || !unknown.relative || is_of_clock(unknown)) continue;
     scale_[k] = unknown.within;
     if (!strictly_within) continue;
     constexpr double margin = 1.05;

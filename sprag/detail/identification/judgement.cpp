@@ -341,7 +341,7 @@ void Judge::put_unknowns(Identification& result) const {
     const Unknown& unknown = (*unknowns_)[static_cast<std::size_t>(k)];
     const double c = fit_->point.c[k], deviation = deviations_[k];
     FittedUnknown fitted{.unknown = unknown, .value = unknown.value(c)};
-    if (unknown.kind == Unknown::Kind::phase) {
+    if (quantity(unknown.key) == "phase") {
       fitted.value =
           unknown.nominal + std::remainder(fitted.value - unknown.nominal, 2.0 * std::numbers::pi);
     }

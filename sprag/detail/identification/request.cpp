@@ -35,7 +35,7 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown
   }
   const bool one_frequency = harmonic_groups(scene).size() < 2;
   for (const Unknown& unknown : clock_unknowns(scene)) {
-    const bool is_phase = unknown.kind == Unknown::Kind::clock_offset && one_frequency;
+    const bool is_phase = unknown.key == "clock.offset" && one_frequency;
     if (!is_phase && !clock_ambiguity(scene, {}, unknown)) causes.push_back(unknown);
   }
   return causes;
@@ -65,7 +65,7 @@ std::vector<Unknown> sought(const Scene& scene, const IdentifyRequest& request) 
     const auto own = request.within_of.find(unknown.key);
     if (own != request.within_of.end()) {
       unknown.within = own->second;
-    } else if (request.within && unknown.kind != Unknown::Kind::restitution_slope) {
+    } else if (request.within && unknown.reach == 0.0) {
       unknown.within = *request.within;
     }
   }

@@ -15,8 +15,6 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
-
 // Least resolution of times, relative to the usual time between impacts.
 constexpr double resolved_time = 1e-10;
 

@@ -220,7 +220,7 @@ std::string reason_of(const Identification& fit) {
              "spurious, more than can be told, or the scene's contacts are wrong.";
     case FitProblem::bound_reached: {
       const FittedUnknown& of = fit.unknowns[static_cast<std::size_t>(fit.culprit)];
-      if (of.unknown.kind == Unknown::Kind::delay) {
+      if (quantity(of.unknown.key) == "delay") {
         return of.unknown.key + " ends at the end of the range in which it is sought, " +
                short_number(of.unknown.unit_step * of.unknown.highest(), 2) + " s about " +
                short_number(of.unknown.nominal, 6) +

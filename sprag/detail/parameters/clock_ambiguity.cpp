@@ -9,31 +9,32 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
 using Unknowns = std::vector<Unknown>;
 
-const Unknown* named_one(const Unknowns& sought, Kind kind, int index) {
-  const auto at = std::find_if(sought.begin(), sought.end(), [&](const Unknown& unknown) {
-    return unknown.kind == kind && unknown.index == index;
-  });
-  return at != sought.end() ? &*at : nullptr;
+bool is_sought(const Unknowns& sought, const std::string& key) {
+  return std::any_of(sought.begin(), sought.end(),
+                     [&](const Unknown& unknown) { return unknown.key == key; });
+}
+
+bool is_sought(const Unknowns& sought, const HarmonicGroup& group, const std::string& number) {
+  return is_sought(sought, group.key + number) || is_sought(sought, "excitations" + number);
 }
 
 // The keys of the parameters by which a matrix can change as a whole: its factor, or all entries
 // that are not 0. Nullopt: the matrix is held.
-std::optional<std::vector<std::string>> free_matrix(const Eigen::MatrixXd& matrix, Kind factor,
-                                                    Kind entry, const Unknowns& sought) {
-  if (const Unknown* all = named_one(sought, factor, -1)) return std::vector{all->key};
+std::optional<std::vector<std::string>> free_matrix(const Eigen::MatrixXd& matrix,
+                                                    const std::string& name,
+                                                    const Unknowns& sought) {
+  if (is_sought(sought, name)) return std::vector{name};
   std::vector<std::string> keys;
   for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
     for (Eigen::Index j = i; j < matrix.cols(); ++j) {
       if (matrix(i, j) == 0.0 && matrix(j, i) == 0.0) continue;
-      const auto at = std::find_if(sought.begin(), sought.end(), [&](const Unknown& unknown) {
-        return unknown.kind == entry && std::min(unknown.row, unknown.column) == i &&
-               std::max(unknown.row, unknown.column) == j;
-      });
-      if (at == sought.end()) return std::nullopt;
-      keys.push_back(at->key);
+      const std::string row = '.' + std::to_string(i + 1), column = '.' + std::to_string(j + 1);
+      std::string key = name + row + column;
+      if (!is_sought(sought, key)) key = name + column + row;
+      if (!is_sought(sought, key)) return std::nullopt;
+      keys.push_back(std::move(key));
     }
   }
   return keys;
@@ -43,16 +44,15 @@ std::optional<std::vector<std::string>> free_matrix(const Eigen::MatrixXd& matri
 // start replaces. A displacement q in a direction without stiffness replaces the clearances W^T q.
 bool has_known_length(const Scene& scene, const Unknowns& sought) {
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const bool moves = groups[g].of_frame || !groups[g].contacts.empty();
-    const bool is_free = named_one(sought, Kind::amplitude, static_cast<int>(g)) != nullptr ||
-                         named_one(sought, Kind::amplitude, -1) != nullptr;
-    if (moves && !is_free) return true;
+  for (const HarmonicGroup& group : groups) {
+    const bool moves = group.of_frame || !group.contacts.empty();
+    if (moves && !is_sought(sought, group, ".amplitude")) return true;
   }
   const Model& model = scene.model;
   std::vector<int> held;
   for (int i = 0; i < static_cast<int>(model.contacts.size()); ++i) {
-    if (named_one(sought, Kind::clearance, i) == nullptr) held.push_back(i);
+    const std::string clearance = "contact." + std::to_string(i + 1) + ".clearance";
+    if (!is_sought(sought, clearance)) held.push_back(i);
   }
   const Eigen::Index f = model.coordinates();
   Eigen::MatrixXd W_held(std::ssize(held), f);
@@ -82,16 +82,12 @@ bool has_known_force(const Scene& scene, const Unknowns& sought) {
   const Model& model = scene.model;
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
     const bool acts = model.forces[j].constant != 0.0;
-    if (acts && named_one(sought, Kind::constant, static_cast<int>(j)) == nullptr) return true;
+    if (acts && !is_sought(sought, "force." + std::to_string(j + 1) + ".constant")) return true;
   }
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    if (groups[g].of_frame || groups[g].forces.empty()) continue;
-    const bool is_free = named_one(sought, Kind::amplitude, static_cast<int>(g)) != nullptr ||
-                         named_one(sought, Kind::amplitude, -1) != nullptr;
-    if (!is_free) return true;
-  }
-  return false;
+  return std::any_of(groups.begin(), groups.end(), [&](const HarmonicGroup& group) {
+    return !group.of_frame && !group.forces.empty() && !is_sought(sought, group, ".amplitude");
+  });
 }
 
 std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought) {
@@ -104,23 +100,23 @@ std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought
   };
   const Model& model = scene.model;
   if (!model.K.isZero(0.0)) {
-    const auto keys = free_matrix(model.K, Kind::stiffness, Kind::stiffness_entry, sought);
+    const auto keys =
+        free_matrix(model.K, scene.beam ? "beam.bending_stiffness" : "system.K", sought);
     if (!keys) return std::nullopt;
     add(*keys);
   }
   // A beam's damping ratio is a number without a unit of time.
   const bool by_ratio = scene.beam && scene.beam->damping_ratio.size() > 0;
   if (!model.C.isZero(0.0) && !by_ratio) {
-    const auto keys = free_matrix(model.C, Kind::damping, Kind::damping_entry, sought);
+    const auto keys = free_matrix(model.C, scene.beam ? "beam.damping" : "system.C", sought);
     if (!keys) return std::nullopt;
     add(*keys);
   }
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const Unknown* own = named_one(sought, Kind::frequency, static_cast<int>(g));
-    const Unknown* of = own != nullptr ? own : named_one(sought, Kind::frequency, -1);
-    if (of == nullptr) return std::nullopt;
-    add({of->key});
+  for (const HarmonicGroup& group : groups) {
+    if (!is_sought(sought, group, ".frequency")) return std::nullopt;
+    const std::string own = group.key + ".frequency";
+    add({is_sought(sought, own) ? own : "excitations.frequency"});
   }
   if (has_known_force(scene, sought) && has_known_length(scene, sought)) return std::nullopt;
   return ambiguity;
@@ -129,18 +125,17 @@ std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought
 std::optional<ClockAmbiguity> of_offset(const Scene& scene, const Unknowns& sought) {
   ClockAmbiguity ambiguity{"clock.offset", {}};
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  const Unknown* common = named_one(sought, Kind::phase, -1);
   const bool one_frequency = std::all_of(
       groups.begin(), groups.end(),
       [&](const HarmonicGroup& group) { return group.frequency == groups.front().frequency; });
-  if (common != nullptr && one_frequency) {
-    ambiguity.equals.push_back(common->key);
+  if (is_sought(sought, "excitations.phase") && one_frequency) {
+    ambiguity.equals.push_back("excitations.phase");
     return ambiguity;
   }
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const Unknown* own = named_one(sought, Kind::phase, static_cast<int>(g));
-    if (own == nullptr) return std::nullopt;
-    ambiguity.equals.push_back(own->key);
+  for (const HarmonicGroup& group : groups) {
+    const std::string own = group.key + ".phase";
+    if (!is_sought(sought, own)) return std::nullopt;
+    ambiguity.equals.push_back(own);
   }
   return ambiguity;
 }
@@ -159,8 +154,8 @@ std::string list_of_keys(const std::vector<std::string>& keys) {
 std::optional<ClockAmbiguity> clock_ambiguity(const Scene& scene,
                                               const std::vector<Unknown>& sought,
                                               const Unknown& unknown) {
-  if (unknown.kind == Kind::clock_rate) return of_rate(scene, sought);
-  if (unknown.kind == Kind::clock_offset) return of_offset(scene, sought);
+  if (unknown.key == "clock.rate") return of_rate(scene, sought);
+  if (unknown.key == "clock.offset") return of_offset(scene, sought);
   return std::nullopt;
 }
 

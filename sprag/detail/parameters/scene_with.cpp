@@ -6,38 +6,26 @@
 #include <utility>
 
 #include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_number.h"
 
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
+using Records = std::vector<GainAndDelay>;
 
-// Sets the frequency, phase or amplitude of a harmonic of a group, or of all groups: `value` is
-// then a factor, or a shift of the phase.
-void set_harmonic(const Unknown& unknown, double value, const HarmonicGroup& group,
-                  bool accelerates, Harmonic& harmonic) {
-  const bool all = unknown.index < 0;
-  if (unknown.kind == Kind::phase) {
-    harmonic.phase += all ? value : value - group.phase;
-  } else if (unknown.kind == Kind::amplitude) {
-    harmonic.amplitude *= all ? value : value / group.amplitude;
+// Sets a number of a harmonic, whose group has the nominal value `before`, or of all harmonics:
+// then `value` is a factor, or a shift of the phase, and `before` is 1 or 0.
+void set_harmonic(std::string_view of, double value, double before, bool accelerates,
+                  Harmonic& harmonic) {
+  if (of == "phase") {
+    harmonic.phase += value - before;
+  } else if (of == "amplitude") {
+    harmonic.amplitude *= value / before;
   } else {
-    const double ratio = all ? value : value / group.frequency;
-    harmonic.frequency = ratio * group.frequency;
-    if (accelerates) harmonic.amplitude *= ratio * ratio;
-  }
-}
-
-// K and C of a beam, from those of the nominal one.
-void set_matrices(const Scene& nominal, Scene& scene) {
-  const Beam& beam = *scene.beam;
-  const double mass = beam.mass_per_length * beam.length;
-  for (Eigen::Index i = 0; i < scene.model.K.rows(); ++i) {
-    double& k = scene.model.K(i, i);
-    k = nominal.model.K(i, i) * (beam.bending_stiffness / nominal.beam->bending_stiffness);
-    scene.model.C(i, i) = beam.damping_ratio.size() == 0
-                              ? beam.damping * beam.length
-                              : 2.0 * beam.damping_ratio[i] * std::sqrt(mass * k);
+    const double ratio = value / before;
+    harmonic.frequency *= ratio;
+    if (accelerates) harmonic.amplitude *= square(ratio);
   }
 }
 
@@ -47,8 +35,93 @@ SceneValues::SceneValues(const Scene& nominal, std::vector<Unknown> unknowns)
     : nominal_(nominal),
       unknowns_(std::move(unknowns)),
       groups_(harmonic_groups(nominal)),
-      records_(recorded_inputs(nominal)),
-      one_restitution_(has_one_restitution(nominal.model)) {}
+      records_(recorded_inputs(nominal)) {
+  for (const bool single : {true, false}) {
+    for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+      if (is_single(unknowns_[k].key) == single) in_order_.push_back(k);
+    }
+  }
+  for (const Unknown& unknown : unknowns_) setters_.push_back(setter_of(unknown.key));
+}
+
+bool SceneValues::is_single(const std::string& key) const {
+  const std::string_view of = quantity(key);
+  const bool of_harmonic = of == "amplitude" || of == "frequency" || of == "phase";
+  const auto is_of = [&](const HarmonicGroup& group) { return key.starts_with(group.key + '.'); };
+  if (of_harmonic && std::any_of(groups_.begin(), groups_.end(), is_of)) return false;
+  return scene_number(nominal_, key).has_value();
+}
+
+SceneValues::Setter SceneValues::setter_of(const std::string& key) const {
+  if (is_single(key) && quantity(key) == "position") {
+    // find_directions() replaces a direction that is not a number.
+    return [number = *scene_number(nominal_, key)](double value, Scene& scene, Records&) {
+      if (*number.at(scene, number.i, 0) == value) return;
+      number.set(value, scene);
+      scene.model.contacts[static_cast<std::size_t>(number.i)].w.setConstant(std::nan(""));
+    };
+  }
+  if (is_single(key)) {
+    return [number = *scene_number(nominal_, key)](double value, Scene& scene, Records&) {
+      number.set(value, scene);
+    };
+  }
+  const std::string_view of = quantity(key);
+  if (of == "restitution") {
+    // A factor if the contacts' restitutions differ.
+    return [one = has_one_restitution(nominal_.model)](double value, Scene& scene, Records&) {
+      for (Contact& contact : scene.model.contacts) {
+        contact.restitution = one ? value : value * contact.restitution;
+      }
+    };
+  }
+  if (of == "slope") {
+    return [](double value, Scene& scene, Records&) {
+      for (Contact& contact : scene.model.contacts) contact.curve.slope = value;
+    };
+  }
+  if (of == "C") return [](double value, Scene& scene, Records&) { scene.model.C *= value; };
+  if (of == "K") return [](double value, Scene& scene, Records&) { scene.model.K *= value; };
+  if (of == "damping_ratio") {
+    return [](double value, Scene& scene, Records&) { scene.beam->damping_ratio *= value; };
+  }
+  for (std::size_t r = 0; r < records_.size(); ++r) {
+    if (key == records_[r].key + ".gain") {
+      return [r](double value, Scene&, Records& records) { records[r].gain = value; };
+    }
+    if (key == records_[r].key + ".delay") {
+      return [r](double value, Scene&, Records& records) { records[r].delay = value; };
+    }
+  }
+  return setter_of_harmonics(key);
+}
+
+SceneValues::Setter SceneValues::setter_of_harmonics(const std::string& key) const {
+  const bool all = key.starts_with("excitations.");
+  std::vector<HarmonicGroup> groups;
+  for (const HarmonicGroup& group : groups_) {
+    if (all || key.starts_with(group.key + '.')) groups.push_back(group);
+  }
+  const std::string of(quantity(key));
+  return [of, all, groups](double value, Scene& scene, Records&) {
+    for (const HarmonicGroup& group : groups) {
+      const double before = of == "phase"       ? (all ? 0.0 : group.phase)
+                            : all               ? 1.0
+                            : of == "amplitude" ? group.amplitude
+                                                : group.frequency;
+      const auto set = [&](Harmonic& harmonic, bool accelerates) {
+        set_harmonic(of, value, before, accelerates, harmonic);
+      };
+      for (const int j : group.forces) {
+        set(scene.model.forces[static_cast<std::size_t>(j)].harmonic, group.of_frame);
+      }
+      for (const int i : group.contacts) {
+        set(scene.model.contacts[static_cast<std::size_t>(i)].motion, false);
+      }
+      if (group.of_frame && scene.frame) set(scene.frame->motion, false);
+    }
+  };
+}
 
 std::vector<GainAndDelay> SceneValues::gains_and_delays() const {
   std::vector<GainAndDelay> settings;
@@ -58,139 +131,64 @@ std::vector<GainAndDelay> SceneValues::gains_and_delays() const {
   return settings;
 }
 
-void SceneValues::set(const Eigen::VectorXd& values, Scene& scene,
-                      std::vector<GainAndDelay>& records) const {
+void SceneValues::reset(Scene& scene, std::vector<GainAndDelay>& records) const {
   Model& model = scene.model;
+  model.M = nominal_.model.M;
   model.C = nominal_.model.C;
   model.K = nominal_.model.K;
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
-    model.forces[j].constant = nominal_.model.forces[j].constant;
-    model.forces[j].harmonic = nominal_.model.forces[j].harmonic;
+    const Force& force = nominal_.model.forces[j];
+    model.forces[j].direction = force.direction;
+    model.forces[j].constant = force.constant;
+    model.forces[j].harmonic = force.harmonic;
   }
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     const Contact& contact = nominal_.model.contacts[i];
+    if (!scene.beam) model.contacts[i].w = contact.w;
     model.contacts[i].clearance = contact.clearance;
     model.contacts[i].restitution = contact.restitution;
     model.contacts[i].curve.slope = contact.curve.slope;
     model.contacts[i].motion = contact.motion;
+    model.contacts[i].input_share = contact.input_share;
   }
   scene.beam = nominal_.beam;
-  if (scene.frame) scene.frame->motion = nominal_.frame->motion;
+  if (scene.frame) {
+    scene.frame->influence = nominal_.frame->influence;
+    scene.frame->motion = nominal_.frame->motion;
+  }
   scene.clock = nominal_.clock;
   for (std::size_t r = 0; r < records_.size(); ++r) {
     const SampledInput::Settings& settings = records_[r].input->settings();
     records[r] = {settings.gain, settings.delay};
   }
-  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-    set(unknowns_[k], values[static_cast<Eigen::Index>(k)], scene, records);
-  }
-  if (scene.beam) set_matrices(nominal_, scene);
 }
 
-void SceneValues::set(const Unknown& unknown, double value, Scene& scene,
+void SceneValues::set(const Eigen::VectorXd& values, Scene& scene,
                       std::vector<GainAndDelay>& records) const {
-  Model& model = scene.model;
-  const auto i = static_cast<std::size_t>(std::max(unknown.index, 0));
-  switch (unknown.kind) {
-    case Kind::restitution:
-      set_restitution(unknown.index, value, model);
-      break;
-    case Kind::restitution_slope:
-      model.contacts[i].curve.slope = value;
-      break;
-    case Kind::damping:
-      if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-        scene.beam->damping = value;
-      } else if (scene.beam) {
-        scene.beam->damping_ratio *= value;
-      } else {
-        model.C *= value;
-      }
-      break;
-    case Kind::stiffness:
-      if (scene.beam) {
-        scene.beam->bending_stiffness = value;
-      } else {
-        model.K *= value;
-      }
-      break;
-    case Kind::damping_entry:
-      model.C(unknown.row, unknown.column) = model.C(unknown.column, unknown.row) = value;
-      break;
-    case Kind::stiffness_entry:
-      model.K(unknown.row, unknown.column) = model.K(unknown.column, unknown.row) = value;
-      break;
-    case Kind::position:
-      set_position(i, value, scene);
-      break;
-    case Kind::frequency:
-    case Kind::phase:
-    case Kind::amplitude:
-      set_harmonics(unknown, value, scene);
-      break;
-    case Kind::clock_rate:
-      scene.clock.rate = value;
-      break;
-    case Kind::clock_offset:
-      scene.clock.offset = value;
-      break;
-    case Kind::constant:
-      model.forces[i].constant = value;
-      break;
-    case Kind::clearance:
-      model.contacts[i].clearance = value;
-      break;
-    case Kind::delay:
-      records[i].delay = value;
-      break;
-    case Kind::gain:
-      records[i].gain = value;
-      break;
+  const double old_length = scene.beam ? scene.beam->length : 0.0;
+  reset(scene, records);
+  for (const std::size_t k : in_order_) {
+    setters_[k](values[static_cast<Eigen::Index>(k)], scene, records);
   }
+  update_from(nominal_, scene);
+  if (scene.beam) find_directions(old_length, scene);
 }
 
-void SceneValues::set_harmonics(const Unknown& unknown, double value, Scene& scene) const {
-  for (std::size_t g = 0; g < groups_.size(); ++g) {
-    if (unknown.index >= 0 && unknown.index != static_cast<int>(g)) continue;
-    const HarmonicGroup& group = groups_[g];
-    const auto set = [&](Harmonic& harmonic, bool accelerates) {
-      set_harmonic(unknown, value, group, accelerates, harmonic);
-    };
-    for (const int j : group.forces) {
-      set(scene.model.forces[static_cast<std::size_t>(j)].harmonic, group.of_frame);
+// Mode shapes are costly, so that a contact which has not moved keeps its direction.
+void SceneValues::find_directions(double old_length, Scene& scene) const {
+  const double length = scene.beam->length, nominal_length = nominal_.beam->length;
+  for (std::size_t i = 0; i < scene.positions.size(); ++i) {
+    Eigen::VectorXd& w = scene.model.contacts[i].w;
+    if (length == old_length && !std::isnan(w[0])) continue;
+    const Eigen::VectorXd& nominal = nominal_.model.contacts[i].w;
+    double side = 0.0;
+    for (Eigen::Index k = 0; k < w.size(); ++k) {
+      const int mode = static_cast<int>(k) + 1;
+      side += nominal[k] * mode_shape(mode, nominal_.positions[i] / nominal_length);
+      w[k] = mode_shape(mode, scene.positions[i] / length);
     }
-    for (const int i : group.contacts) {
-      set(scene.model.contacts[static_cast<std::size_t>(i)].motion, false);
-    }
-    if (group.of_frame && scene.frame) set(scene.frame->motion, false);
+    if (side < 0.0) w = -w;
   }
-}
-
-// impact.restitution is a factor if the contacts' restitutions differ.
-void SceneValues::set_restitution(int index, double value, Model& model) const {
-  if (index >= 0) {
-    model.contacts[static_cast<std::size_t>(index)].restitution = value;
-    return;
-  }
-  for (Contact& contact : model.contacts) {
-    contact.restitution = one_restitution_ ? value : value * contact.restitution;
-  }
-}
-
-// Mode shapes are costly, so that a contact which is there already keeps its direction.
-void SceneValues::set_position(std::size_t i, double value, Scene& scene) const {
-  if (scene.positions[i] == value) return;
-  scene.positions[i] = value;
-  const Eigen::VectorXd& nominal = nominal_.model.contacts[i].w;
-  Eigen::VectorXd& w = scene.model.contacts[i].w;
-  const double length = scene.beam->length;
-  double side = 0.0;
-  for (Eigen::Index k = 0; k < w.size(); ++k) {
-    const int mode = static_cast<int>(k) + 1;
-    side += nominal[k] * mode_shape(mode, nominal_.positions[i] / length);
-    w[k] = mode_shape(mode, value / length);
-  }
-  if (side < 0.0) w = -w;
 }
 
 Scene with(const Scene& scene, const std::vector<Unknown>& unknowns,
@@ -209,8 +207,10 @@ Scene with(const Scene& scene, const std::vector<Unknown>& unknowns,
                   changed);
   }
   if (changed.beam) {
+    changed.model.M = mass(*changed.beam).asDiagonal();
     changed.model.K = stiffness(*changed.beam).asDiagonal();
     changed.model.C = damping(*changed.beam).asDiagonal();
+    for (Force& force : changed.model.forces) force.direction = inertia_direction(*changed.beam);
   }
   return changed;
 }

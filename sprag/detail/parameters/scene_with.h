@@ -2,6 +2,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
+#include <string>
 #include <vector>
 
 #include "sprag/detail/parameters/unknowns.h"
@@ -14,8 +16,7 @@ struct GainAndDelay {
   double delay = 0.0;  ///< [s]
 };
 
-/// Sets parameters in copies of one scene. Nothing else knows which number of a scene a parameter
-/// is.
+/// Sets parameters in copies of one scene.
 class SceneValues {
  public:
   SceneValues(const Scene& nominal, std::vector<Unknown> unknowns);
@@ -32,17 +33,21 @@ class SceneValues {
   void set(const Eigen::VectorXd& values, Scene& scene, std::vector<GainAndDelay>& records) const;
 
  private:
-  void set(const Unknown& unknown, double value, Scene& scene,
-           std::vector<GainAndDelay>& records) const;
-  void set_harmonics(const Unknown& unknown, double value, Scene& scene) const;
-  void set_restitution(int index, double value, Model& model) const;
-  void set_position(std::size_t contact, double value, Scene& scene) const;
+  // Sets one parameter in a scene that is reset, or in the settings of its records.
+  using Setter = std::function<void(double value, Scene&, std::vector<GainAndDelay>&)>;
+
+  void reset(Scene& scene, std::vector<GainAndDelay>& records) const;
+  void find_directions(double old_length, Scene& scene) const;
+  bool is_single(const std::string& key) const;
+  Setter setter_of(const std::string& key) const;
+  Setter setter_of_harmonics(const std::string& key) const;
 
   Scene nominal_;
   std::vector<Unknown> unknowns_;
   std::vector<HarmonicGroup> groups_;
   std::vector<RecordedInput> records_;
-  bool one_restitution_;
+  std::vector<Setter> setters_;        // of each unknown
+  std::vector<std::size_t> in_order_;  // single numbers first: a common factor or shift is relative
 };
 
 /// The scene with these values of some of its parameters, in its beam, frame, model, positions and

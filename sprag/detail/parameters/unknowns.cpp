@@ -1,28 +1,52 @@
 #include "sprag/detail/parameters/unknowns.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 
 #include "sprag/detail/files/nearest_word.h"
 #include "sprag/detail/mechanics/impact_law.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_number.h"
 
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
+constexpr double margin = 0.05;          // of the search range in coordinates
+constexpr double reach_of_slope = 10.0;  // in nominal slopes of a restitution
 
-constexpr double beyond = 0.05;  // margin of the search range in coordinates
-constexpr double slopes = 10.0;  // range of the slope of a restitution, in nominal ones
-
-Unknown positive_unknown(Kind kind, int index, std::string key, std::string unit, double nominal) {
-  Unknown unknown{.kind = kind, .index = index, .key = std::move(key), .unit = std::move(unit)};
-  unknown.nominal = nominal;
+// A positive number has the coordinate log(value / nominal).
+Unknown positive(std::string key, std::string_view unit, double nominal) {
+  Unknown unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
   unknown.logarithmic = nominal > 0.0;
+  unknown.relative = nominal != 0.0;
+  if (nominal < 0.0) unknown.unit_step = -nominal;
+  return unknown;
+}
+
+// A number with the coordinate (value - nominal) / step, which the search limits by `reach`.
+Unknown linear(std::string key, std::string_view unit, double nominal, double step, double reach) {
+  Unknown unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
+  unknown.unit_step = step;
+  unknown.relative = false;
+  unknown.reach = reach;
+  return unknown;
+}
+
+Unknown phase_of(std::string key, double nominal) {
+  return linear(std::move(key), "rad", nominal, 1.0, infinity);
+}
+
+// Damping may be 0, so that its coordinate is linear. `step` is for an undamped machine.
+Unknown damping_of(std::string key, std::string_view unit, double nominal, double step) {
+  constexpr double reach_of_undamped = 10.0;
+  Unknown unknown = linear(std::move(key), unit, nominal, nominal > 0.0 ? nominal : step,
+                           nominal > 0.0 ? 0.0 : reach_of_undamped);
+  unknown.relative = nominal > 0.0;
+  unknown.lower_limit = 0.0;
   return unknown;
 }
 
@@ -33,51 +57,39 @@ std::string of(const char* table, std::size_t i, const char* key) {
 void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
   const auto& contacts = model.contacts;
   const bool one = has_one_restitution(model);
-  const auto add = [&](int index, const std::string& key, const Contact& contact) {
+  const auto add = [&](const std::string& key, const Contact& contact) {
     const bool constant = contact.curve.is_constant();
-    unknowns.push_back(positive_unknown(Kind::restitution, index, constant ? key : key + ".value",
-                                        "", contact.restitution));
-    unknowns.back().upper_limit =
+    Unknown epsilon = positive(constant ? key : key + ".value", "", contact.restitution);
+    epsilon.lower_limit = 0.0;
+    epsilon.upper_limit =
         contact.restitution > 0.0 ? contact.restitution / largest_restitution(contact) : 1.0;
-    if (contact.curve.slope == 0.0) return;
-    Unknown slope{.kind = Kind::restitution_slope, .index = index, .key = key + ".slope"};
-    slope.unit = "s/m";
-    slope.nominal = contact.curve.slope;
-    slope.unit_step = -contact.curve.slope;
-    slope.within = slopes;
-    unknowns.push_back(slope);
+    unknowns.push_back(epsilon);
+    const double slope = contact.curve.slope;
+    if (slope == 0.0) return;
+    unknowns.push_back(linear(key + ".slope", "s/m", slope, -slope, reach_of_slope));
+    unknowns.back().upper_limit = 0.0;
   };
-  if (one) add(-1, "impact.restitution", contacts.front());
+  if (one) add("impact.restitution", contacts.front());
   for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
-    add(static_cast<int>(i), of("contact", i, "restitution"), contacts[i]);
+    add(of("contact", i, "restitution"), contacts[i]);
   }
 }
 
 void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
-  // Damping may be 0, so that its coordinate is linear.
-  const auto damping = [](std::string key, std::string unit, double nominal) {
-    Unknown unknown{.kind = Kind::damping, .key = std::move(key), .unit = std::move(unit)};
-    unknown.nominal = nominal;
-    if (nominal > 0.0) unknown.unit_step = nominal;
-    return unknown;
-  };
-  if (scene.beam && scene.beam->damping_ratio.size() == 0) {
-    Unknown d = damping("beam.damping", "N s/m^2", scene.beam->damping);
-    // Step for an undamped beam: 2 % of critical damping of its first mode.
-    if (!(d.nominal > 0.0)) {
-      d.unit_step = 0.04 * std::sqrt(stiffness(*scene.beam)[0] / mass(*scene.beam)[0]) *
-                    scene.beam->mass_per_length;
-    }
-    unknowns.push_back(d);
+  if (!scene.beam) {
+    if (!scene.model.C.isZero(0.0)) unknowns.push_back(damping_of("system.C", "", 1.0, 1.0));
+    if (!scene.model.K.isZero(0.0)) unknowns.push_back(positive("system.K", "", 1.0));
+    return;
+  }
+  const Beam& beam = *scene.beam;
+  if (beam.damping_ratio.size() == 0) {
+    // 2 % of critical damping of the first mode.
+    const double step = 0.04 * std::sqrt(stiffness(beam)[0] / mass(beam)[0]) * beam.mass_per_length;
+    unknowns.push_back(damping_of("beam.damping", "N s/m^2", beam.damping, step));
   } else if (!scene.model.C.isZero(0.0)) {
-    unknowns.push_back(damping(scene.beam ? "beam.damping_ratio" : "system.C", "", 1.0));
+    unknowns.push_back(damping_of("beam.damping_ratio", "", 1.0, 1.0));
   }
-  if (scene.beam) {
-    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "beam.bending_stiffness", "N m^2",
-                                        scene.beam->bending_stiffness));
-  } else if (!scene.model.K.isZero(0.0)) {
-    unknowns.push_back(positive_unknown(Kind::stiffness, -1, "system.K", "", 1.0));
-  }
+  unknowns.push_back(positive("beam.bending_stiffness", "N m^2", beam.bending_stiffness));
 }
 
 // Typical length of the machine: the step for clearances, which may nominally be 0.
@@ -91,18 +103,13 @@ double usual_length(const Scene& scene) {
   return length > 0.0 ? length : 1.0;
 }
 
-std::string unit_of_amplitude(const HarmonicGroup& group) {
+std::string_view unit_of_amplitude(const HarmonicGroup& group) {
   if (group.of_frame) return "m";
   if (group.forces.size() + group.contacts.size() > 1) return "";
   return group.forces.empty() ? "m" : "N";
 }
 
 }  // namespace
-
-bool Unknown::is_relative() const {
-  return nominal != 0.0 && kind != Kind::phase && kind != Kind::delay &&
-         kind != Kind::clock_offset && kind != Kind::restitution_slope;
-}
 
 double Unknown::coordinate(double of_value) const {
   return logarithmic ? std::log(of_value / nominal) : (of_value - nominal) / unit_step;
@@ -112,47 +119,26 @@ double Unknown::value(double of_coordinate) const {
   return logarithmic ? nominal * std::exp(of_coordinate) : nominal + unit_step * of_coordinate;
 }
 
-double Unknown::lowest() const {
-  // Half of the slowest period, or of a record's mean period. Larger offsets of harmonics are
-  // equivalent to smaller ones.
-  if (kind == Kind::clock_offset || kind == Kind::delay) return -std::numbers::pi;
-  if (kind == Kind::restitution_slope) return -within;
-  if (kind == Kind::damping && nominal > 0.0) return std::max(-1.0, -(2.0 * within + beyond));
-  const double share = -(std::log1p(2.0 * within) + beyond);
-  if (logarithmic) return share;
-  const bool may_be_zero = kind == Kind::restitution || kind == Kind::damping;
-  return may_be_zero ? coordinate(0.0) : share;
-}
-
 double Unknown::highest() const {
-  if (kind == Kind::clock_offset || kind == Kind::delay) return std::numbers::pi;
-  if (kind == Kind::restitution_slope) return coordinate(0.0);
-  if (kind == Kind::damping) return nominal > 0.0 ? 2.0 * within + beyond : 10.0;
-  const double share = std::log1p(2.0 * within) + beyond;
-  return upper_limit > 0.0 ? std::min(share, coordinate(upper_limit)) : share;
+  double most = reach;
+  if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
+  return upper_limit < infinity ? std::min(most, coordinate(upper_limit)) : most;
 }
 
-std::pair<double, double> Unknown::neighbours(double at, double step) const {
-  double low = at - step;
-  if (!logarithmic && (kind == Kind::damping || kind == Kind::restitution)) {
-    low = std::max(low, coordinate(0.0));
-  }
-  return {low, low + 2.0 * step};
+double Unknown::lowest() const {
+  double most = reach;
+  if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
+  return lower_limit > -infinity ? std::max(-most, coordinate(lower_limit)) : -most;
 }
 
 bool Unknown::is_physical_bound(double of_value) const {
   constexpr double rounding = 1e-9;
-  const bool lowest_is_zero = (kind == Kind::damping || kind == Kind::restitution) &&
-                              of_value <= rounding * std::abs(nominal);
-  if (kind == Kind::restitution_slope) return of_value >= 0.0;
-  return lowest_is_zero || (upper_limit > 0.0 && of_value >= upper_limit * (1.0 - 1e-12));
+  return of_value <= lower_limit + rounding * std::abs(nominal) ||
+         of_value >= upper_limit * (1.0 - 1e-12);
 }
 
 bool Unknown::is_within(double of_value, double tolerance) const {
-  if (kind == Kind::phase || kind == Kind::clearance || kind == Kind::clock_offset ||
-      kind == Kind::delay || kind == Kind::restitution_slope) {
-    return true;
-  }
+  if (reach > 0.0) return true;
   const double at = coordinate(of_value);
   if (nominal == 0.0) return at <= highest() + tolerance;
   const double low = logarithmic ? std::log1p(-std::min(within, 0.9)) : -within;
@@ -194,7 +180,7 @@ double only_frequency(const Model& model) {
   return differ ? 0.0 : common;
 }
 
-std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene, bool common) {
   std::vector<HarmonicGroup> groups;
   const Model& model = scene.model;
   const bool shaken = scene.frame && moves(scene.frame->motion);
@@ -232,16 +218,18 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene) {
     groups.insert(groups.begin(), std::move(frame));
     return groups;
   }
-  const double common = only_frequency(model);
-  if (groups.empty() || common == 0.0 || (!scene.beam && groups.size() == 1)) return groups;
-  HarmonicGroup all{.forces = {}, .contacts = {}, .key = "excitation", .frequency = common};
+  const double frequency = only_frequency(model);
+  if (!common || groups.empty() || frequency == 0.0 || (!scene.beam && groups.size() == 1)) {
+    return groups;
+  }
+  HarmonicGroup all{.forces = {}, .contacts = {}, .key = "excitation", .frequency = frequency};
   for (const HarmonicGroup& group : groups) {
     all.forces.insert(all.forces.end(), group.forces.begin(), group.forces.end());
     all.contacts.insert(all.contacts.end(), group.contacts.begin(), group.contacts.end());
   }
   if (scene.beam) {
     // Amplitude and phase of e(t), from the frame's force -e''(t).
-    all.amplitude = std::abs(groups.front().amplitude) / square(common);
+    all.amplitude = std::abs(groups.front().amplitude) / square(frequency);
     all.phase = groups.front().phase;
     all.of_frame = true;
   }
@@ -311,51 +299,30 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   add_flow(scene, unknowns);
   const double length = usual_length(scene);
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
-    const int contact = static_cast<int>(i);
     if (scene.beam) {
-      unknowns.push_back(positive_unknown(Kind::position, contact, of("contact", i, "position"),
-                                          "m", scene.positions[i]));
+      unknowns.push_back(positive(of("contact", i, "position"), "m", scene.positions[i]));
       unknowns.back().upper_limit = scene.beam->length;
     }
-    Unknown clearance{
-        .kind = Kind::clearance, .index = contact, .key = of("contact", i, "clearance")};
-    clearance.unit = "m";
-    clearance.nominal = model.contacts[i].clearance;
-    clearance.unit_step = length;
-    unknowns.push_back(clearance);
+    const double clearance = model.contacts[i].clearance;
+    unknowns.push_back(linear(of("contact", i, "clearance"), "m", clearance, length, infinity));
+    unknowns.back().relative = clearance != 0.0;
   }
-  const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    const HarmonicGroup& group = groups[g];
-    const int index = static_cast<int>(g);
-    unknowns.push_back(positive_unknown(Kind::frequency, index, group.key + ".frequency", "rad/s",
-                                        group.frequency));
-    Unknown phase{.kind = Kind::phase, .index = index, .key = group.key + ".phase", .unit = "rad"};
-    phase.nominal = group.phase;
-    unknowns.push_back(phase);
-    unknowns.push_back(positive_unknown(Kind::amplitude, index, group.key + ".amplitude",
-                                        unit_of_amplitude(group), group.amplitude));
-    unknowns.back().unit_step = std::abs(group.amplitude);
-  }
-  const std::vector<RecordedInput> records = recorded_inputs(scene);
-  for (std::size_t r = 0; r < records.size(); ++r) {
-    const SampledInput& input = *records[r].input;
-    const int index = static_cast<int>(r);
-    Unknown delay{
-        .kind = Kind::delay, .index = index, .key = records[r].key + ".delay", .unit = "s"};
-    delay.nominal = input.settings().delay;
-    delay.unit_step = 1.0 / mean_frequency(input);
-    unknowns.push_back(delay);
+  for (const HarmonicGroup& group : harmonic_groups(scene)) {
+    unknowns.push_back(positive(group.key + ".frequency", "rad/s", group.frequency));
+    unknowns.push_back(phase_of(group.key + ".phase", group.phase));
     unknowns.push_back(
-        positive_unknown(Kind::gain, index, records[r].key + ".gain", "", input.settings().gain));
-    unknowns.back().unit_step = std::abs(input.settings().gain);
+        positive(group.key + ".amplitude", unit_of_amplitude(group), group.amplitude));
+  }
+  // Half of a record's mean period: larger delays are equivalent to smaller ones.
+  for (const RecordedInput& record : recorded_inputs(scene)) {
+    const SampledInput::Settings& settings = record.input->settings();
+    unknowns.push_back(linear(record.key + ".delay", "s", settings.delay,
+                              1.0 / mean_frequency(*record.input), std::numbers::pi));
+    unknowns.push_back(positive(record.key + ".gain", "", settings.gain));
   }
   for (std::size_t j = 0; j < model.forces.size(); ++j) {
     const double constant = model.forces[j].constant;
-    if (constant == 0.0) continue;
-    unknowns.push_back(positive_unknown(Kind::constant, static_cast<int>(j),
-                                        of("force", j, "constant"), "N", constant));
-    unknowns.back().unit_step = std::abs(constant);
+    if (constant != 0.0) unknowns.push_back(positive(of("force", j, "constant"), "N", constant));
   }
   return unknowns;
 }
@@ -367,14 +334,14 @@ std::vector<Unknown> common_unknowns(const Scene& scene) {
     for (const Contact& contact : scene.model.contacts) {
       largest = std::max(largest, contact.restitution);
     }
-    unknowns.push_back(positive_unknown(Kind::restitution, -1, "impact.restitution", "", 1.0));
+    unknowns.push_back(positive("impact.restitution", "", 1.0));
+    unknowns.back().lower_limit = 0.0;
     unknowns.back().upper_limit = 1.0 / largest;
   }
   if (harmonic_groups(scene).size() < 2 || has_sampled_inputs(scene.model)) return unknowns;
-  const std::string table = "excitations.";
-  unknowns.push_back(positive_unknown(Kind::frequency, -1, table + "frequency", "", 1.0));
-  unknowns.push_back({.kind = Kind::phase, .key = table + "phase", .unit = "rad"});
-  unknowns.push_back(positive_unknown(Kind::amplitude, -1, table + "amplitude", "", 1.0));
+  unknowns.push_back(positive("excitations.frequency", "", 1.0));
+  unknowns.push_back(phase_of("excitations.phase", 0.0));
+  unknowns.push_back(positive("excitations.amplitude", "", 1.0));
   return unknowns;
 }
 
@@ -382,35 +349,41 @@ std::vector<Unknown> clock_unknowns(const Scene& scene) {
   // A record has a delay, which an offset of the clock would change as well.
   if (has_sampled_inputs(scene.model)) return {};
   constexpr double largest_error = 0.01;  // of a rate; a ceramic resonator is off by 0.005
-  std::vector<Unknown> unknowns{
-      positive_unknown(Kind::clock_rate, -1, "clock.rate", "", scene.clock.rate)};
+  std::vector<Unknown> unknowns{positive("clock.rate", "", scene.clock.rate)};
   unknowns.back().within = largest_error;
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
   if (groups.empty()) return unknowns;
   double slowest = groups.front().frequency;
   for (const HarmonicGroup& group : groups) slowest = std::min(slowest, group.frequency);
-  unknowns.push_back({.kind = Kind::clock_offset, .key = "clock.offset", .unit = "s"});
-  unknowns.back().nominal = scene.clock.offset;
-  unknowns.back().unit_step = scene.clock.rate / slowest;
+  // Half of the slowest period: larger offsets are equivalent to smaller ones.
+  unknowns.push_back(linear("clock.offset", "s", scene.clock.offset, scene.clock.rate / slowest,
+                            std::numbers::pi));
   return unknowns;
 }
 
-bool is_of_clock(const Unknown& unknown) {
-  return unknown.kind == Kind::clock_rate || unknown.kind == Kind::clock_offset;
-}
+bool is_of_clock(const Unknown& unknown) { return unknown.key.starts_with("clock."); }
 
-bool is_common(const Unknown& unknown) {
-  using enum Unknown::Kind;
-  const bool of_harmonics =
-      unknown.kind == frequency || unknown.kind == phase || unknown.kind == amplitude;
-  return of_harmonics && unknown.index < 0;
-}
+bool is_common(const Unknown& unknown) { return unknown.key.starts_with("excitations."); }
 
 bool can_be_filtered(const Unknown& unknown) { return !is_of_clock(unknown); }
 
+bool is_of_flow(const Unknown& unknown) {
+  return unknown.key.starts_with("system.") || unknown.key.starts_with("beam.");
+}
+
+std::string_view tolerance_of(const Unknown& unknown) {
+  const std::string_view of = quantity(unknown.key);
+  if (of == "restitution" || of == "clearance") return of;
+  if (unknown.key == "system.K" || of == "bending_stiffness") return "stiffness";
+  const bool is_damping =
+      unknown.key == "system.C" || unknown.key == "beam.damping_ratio" || of == "damping";
+  return is_damping ? "damping" : "";
+}
+
 bool carries_scale(const Unknown& unknown) {
-  return unknown.kind == Kind::amplitude || unknown.kind == Kind::constant ||
-         unknown.kind == Kind::gain || (unknown.kind == Kind::clearance && unknown.nominal != 0.0);
+  const std::string_view of = quantity(unknown.key);
+  return of == "amplitude" || of == "constant" || of == "gain" ||
+         (of == "clearance" && unknown.nominal != 0.0);
 }
 
 std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
@@ -422,18 +395,17 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
   bool held = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
     return is_known(unknown.key) && carries_scale(unknown);
   });
-  for (const Kind kind : {Kind::amplitude, Kind::gain, Kind::constant}) {
+  for (const std::string_view of_scale : {"amplitude", "gain", "constant"}) {
     for (const Unknown& unknown : all) {
-      if (held || unknown.kind != kind) continue;
+      if (held || quantity(unknown.key) != of_scale) continue;
       known.push_back(unknown.key);
       held = true;
     }
   }
   std::vector<Unknown> unknowns;
   for (const Unknown& unknown : all) {
-    const bool own_restitution =
-        (unknown.kind == Kind::restitution || unknown.kind == Kind::restitution_slope) &&
-        unknown.index >= 0;
+    const bool own_restitution = unknown.key.starts_with("contact.") &&
+                                 unknown.key.find(".restitution") != std::string::npos;
     if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
   }
   return unknowns;
@@ -441,38 +413,37 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
 
 namespace {
 
-// Parses a key such as "system.K.1.2". Returns whether it names an entry of C or K.
-bool read_entry(const Scene& scene, std::string_view key, Unknown& unknown) {
-  constexpr std::string_view prefix = "system.";
-  if (scene.beam || key.size() < prefix.size() + 5 || key.substr(0, prefix.size()) != prefix) {
-    return false;
+// Any other number of the machine, by its key.
+std::optional<Unknown> number_of(const Scene& scene, const std::string& key) {
+  if (key.starts_with("clock.")) return std::nullopt;
+  const std::optional<SceneNumber> number = scene_number(scene, key);
+  if (!number) return std::nullopt;
+  const std::string_view of = quantity(key);
+  if (of == "phase") return phase_of(key, number->value);
+  if (key.starts_with("beam.damping_ratio"))
+    return damping_of(key, number->unit, number->value, 0.01);
+  Unknown unknown = positive(key, number->unit, number->value);
+  if (of == "length") {
+    unknown.lower_limit = *std::max_element(scene.positions.begin(), scene.positions.end());
   }
-  const char matrix = key[prefix.size()];
-  if (matrix != 'K' && matrix != 'C') return false;
-  int row = 0, column = 0;
-  const char* const end = key.data() + key.size();
-  const auto first = std::from_chars(key.data() + prefix.size() + 2, end, row);
-  if (first.ec != std::errc() || first.ptr == end || *first.ptr != '.') return false;
-  const auto second = std::from_chars(first.ptr + 1, end, column);
-  if (second.ec != std::errc() || second.ptr != end) return false;
-  const auto f = static_cast<int>(scene.kept ? scene.kept->given() : scene.model.coordinates());
-  if (row < 1 || column < 1 || row > f || column > f) return false;
-  if (scene.kept) {
-    throw std::invalid_argument(std::string(key) +
-                                " is a single entry, which is no parameter with system.modes; "
-                                "system.K and system.C are factors on all modes");
+  if (unknown.nominal != 0.0 || !key.starts_with("system.")) return unknown;
+  // The step of an entry that is nominally 0 is the largest of its matrix.
+  const Model& model = scene.model;
+  const Eigen::MatrixXd& matrix = of == "M" ? model.M : of == "C" ? model.C : model.K;
+  if (!matrix.isZero(0.0)) unknown.unit_step = matrix.cwiseAbs().maxCoeff();
+  return unknown;
+}
+
+std::string listed(const Scene& scene, const std::vector<std::string_view>& keys) {
+  std::string text;
+  for (const std::string_view key : keys) {
+    if (!text.empty()) text += ", ";
+    text += key;
   }
-  const Eigen::MatrixXd& of_scene = matrix == 'K' ? scene.model.K : scene.model.C;
-  unknown = positive_unknown(matrix == 'K' ? Kind::stiffness_entry : Kind::damping_entry, -1,
-                             std::string(key), matrix == 'K' ? "N/m" : "N s/m",
-                             of_scene(row - 1, column - 1));
-  unknown.row = row - 1;
-  unknown.column = column - 1;
-  const double largest = of_scene.cwiseAbs().maxCoeff();
-  unknown.unit_step = unknown.nominal != 0.0 ? std::abs(unknown.nominal)
-                      : largest > 0.0        ? largest
-                                             : 1.0;
-  return true;
+  if (scene.kept)
+    return text + "; single numbers of the given coordinates are none with system.modes";
+  return text + (scene.beam ? "; and beam.length, beam.mass_per_length"
+                            : "; and entries such as system.K.1.1, contact.1.direction.1");
 }
 
 }  // namespace
@@ -484,8 +455,7 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   for (const Unknown& unknown : unknowns) {
     if (unknown.key == key) return unknown;
   }
-  Unknown entry;
-  if (read_entry(scene, key, entry)) return entry;
+  if (const auto number = number_of(scene, std::string(key))) return *number;
   std::vector<std::string_view> keys;
   keys.reserve(unknowns.size());
   for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
@@ -495,11 +465,7 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   } else {
     text += ", which has ";
   }
-  for (const std::string_view of_scene : keys) {
-    if (of_scene != keys.front()) text += ", ";
-    text += of_scene;
-  }
-  throw std::invalid_argument(text);
+  throw std::invalid_argument(text + listed(scene, keys));
 }
 
 std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {

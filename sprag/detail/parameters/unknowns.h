@@ -8,12 +8,14 @@
 #include <utility>
 #include <vector>
 
+#include "sprag/detail/parameters/scene_number.h"
 #include "sprag/parameter.h"
 #include "sprag/scene.h"
 
 namespace sprag {
 
-/// All parameters of the scene's machine, without single entries of C and K.
+/// The usual parameters of the scene's machine: without lengths, masses and single entries of
+/// matrices and vectors.
 std::vector<Unknown> unknowns_of(const Scene& scene);
 
 /// Parameters for several different numbers at once: a factor on the restitutions, on all
@@ -30,6 +32,13 @@ bool is_of_clock(const Unknown& unknown);
 /// Whether a filter of state and parameters can estimate it: not one of the clock.
 bool can_be_filtered(const Unknown& unknown);
 
+/// Whether it is C or K or a part of them.
+bool is_of_flow(const Unknown& unknown);
+
+/// The field of Tolerance that covers it: "restitution", "stiffness", "damping", "clearance", else
+/// "".
+std::string_view tolerance_of(const Unknown& unknown);
+
 /// Whether it sets the scale of the motion. Events determine other such parameters only relative to
 /// it.
 bool carries_scale(const Unknown& unknown);
@@ -39,8 +48,8 @@ bool carries_scale(const Unknown& unknown);
 /// sets the scale, unless one of `known` sets it.
 std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known = {});
 
-/// Parameter with this key, which may be an entry of C or K. Throws std::invalid_argument with the
-/// nearest key.
+/// Parameter with this key, which may be any number of the machine. Throws std::invalid_argument
+/// with the nearest key.
 Unknown unknown_of(const Scene& scene, std::string_view key);
 /// Parameters with these keys.
 std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys);
@@ -62,7 +71,8 @@ struct HarmonicGroup {
 
 /// A beam has one group. A general system has one for its shaken frame and one for each other
 /// harmonic. Without a frame it has one for all harmonics of one frequency, else one for each.
-std::vector<HarmonicGroup> harmonic_groups(const Scene& scene);
+/// `common`: false for one for each harmonic in any case.
+std::vector<HarmonicGroup> harmonic_groups(const Scene& scene, bool common = true);
 
 /// A recorded input of the scene, and the forces and supports that it moves.
 struct RecordedInput {

@@ -24,7 +24,7 @@ std::string percent(double share) {
 
 std::string instead(const Candidate& candidate) {
   const Unknown& parameter = candidate.parameter;
-  if (parameter.kind == Unknown::Kind::clock_rate) {
+  if (parameter.key == "clock.rate") {
     return "a contact clock that is " + pace_of_clock(candidate.value) + " (rate " +
            short_number(candidate.value, 8) + " instead of " + short_number(parameter.nominal, 8) +
            ')';
@@ -35,7 +35,7 @@ std::string instead(const Candidate& candidate) {
 
 std::string change_text(const Candidate& candidate) {
   const Unknown& parameter = candidate.parameter;
-  if (!parameter.is_relative()) return short_number(candidate.change(), 3);
+  if (!parameter.relative) return short_number(candidate.change(), 3);
   return short_number(100.0 * candidate.change() / std::abs(parameter.nominal), 3) + " %";
 }
 
@@ -78,7 +78,7 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
       append_row(text, columns, {parameter.key, nominal, "not determined"});
       continue;
     }
-    const int digits = parameter.kind == Unknown::Kind::clock_rate ? 8 : 6;
+    const int digits = parameter.key == "clock.rate" ? 8 : 6;
     append_row(
         text, columns,
         {parameter.key, nominal,

@@ -12,15 +12,13 @@
 namespace sprag {
 namespace {
 
-using Kind = Unknown::Kind;
-
 constexpr double hides = 0.8;   // correlations above this are reported
 constexpr double exact = 1e-8;  // of the usual time between impacts: below it there is no jitter
 
 std::string change_of(const FittedUnknown& fitted) {
   const double change = fitted.value - fitted.unknown.nominal;
-  if (!fitted.unknown.is_relative()) return short_number(change, 3);
-  if (fitted.unknown.kind == Kind::clock_rate) {
+  if (!fitted.unknown.relative) return short_number(change, 3);
+  if (fitted.unknown.key == "clock.rate") {
     return short_number(1e6 * change / fitted.unknown.nominal, 4) + " ppm";
   }
   return short_number(100.0 * change / std::abs(fitted.unknown.nominal), 3) + " %";
@@ -64,7 +62,7 @@ std::string instead(const Explanation& cause) {
     if (!text.empty()) text += " and ";
     std::string value = fitted.unknown.key + ' ' + rounded_to_sigma(fitted.value, fitted.sigma) +
                         " instead of " + short_number(fitted.unknown.nominal, 6);
-    if (fitted.unknown.kind == Kind::clock_rate) {
+    if (fitted.unknown.key == "clock.rate") {
       value = "a contact clock that is " + pace_of_clock(fitted.value) + " (" + value + ')';
     }
     text += value;
