@@ -417,7 +417,11 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
     keys.push_back(key);
   }
   auto changed = std::make_shared<Scene>(with(scene, unknowns_named(scene, keys), numbers));
-  for (const Contact& contact : changed->model.contacts) require_restitution(contact);
+  for (const Contact& contact : changed->model.contacts) {
+    require_restitution(contact);
+    require(!contact.w.isZero(0.0), "the direction of a contact must not be zero");
+  }
+  require(definiteness(changed->model.M).definite(), "M must stay positive definite");
   require(is_semidefinite(changed->model.C) && is_semidefinite(changed->model.K),
           "C and K must stay positive semidefinite");
   for (std::size_t i = 0; i < changed->positions.size(); ++i) {

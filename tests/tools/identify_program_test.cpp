@@ -110,6 +110,10 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
              "impact.restitution,system.K,system.C,excitation.phase,excitation.frequency", 40.0},
         Case{"lab_rig", "[-600.0, 600.0]]", "[-600.0, 620.0]]", "system.K.2.2,impact.restitution",
              20.0},
+        Case{"lab_rig", "M = [[0.9, 0.0], [0.0, 0.6]]", "M = [[0.9, 0.02], [0.02, 0.61]]",
+             "system.M.1.2,system.M.2.2,contact.1.direction.1,force.1.direction.2", 20.0},
+        Case{"paper_beam", "length = 1.0", "length = 1.01", "beam.length,beam.mass_per_length",
+             20.0},
         Case{"two_stops_beam", "clearance = 0.05", "clearance = 0.052",
              "contact.2.clearance,contact.1.restitution", 6.0}}) {
     const std::string text = read_text(scene_file(of.scene));
@@ -126,6 +130,7 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
       EXPECT_EQ(listed, std::string(",") + of.free);
     }
     const Scene real = parse_scene(replaced(text, of.what, of.by), "real.toml");
+    EXPECT_LT((fitted.model.M - real.model.M).norm(), 1e-7 * real.model.M.norm()) << of.scene;
     EXPECT_LT((fitted.model.K - real.model.K).norm(), 1e-7 * real.model.K.norm()) << of.scene;
     EXPECT_LT((fitted.model.C - real.model.C).norm(), 1e-7 * real.model.C.norm()) << of.scene;
     for (std::size_t j = 0; j < real.model.forces.size(); ++j) {
@@ -134,6 +139,8 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
           << of.scene;
     }
     for (std::size_t i = 0; i < real.model.contacts.size(); ++i) {
+      const Eigen::VectorXd& w = real.model.contacts[i].w;
+      EXPECT_LT((fitted.model.contacts[i].w - w).norm(), 1e-7 * w.norm()) << of.scene;
       EXPECT_NEAR(fitted.model.contacts[i].clearance, real.model.contacts[i].clearance, 1e-8);
       EXPECT_NEAR(fitted.model.contacts[i].restitution, real.model.contacts[i].restitution, 1e-8);
     }

@@ -169,8 +169,9 @@ void set_entry(const Scene& fitted, const std::string& key, double value, Text& 
     return;
   }
   const std::size_t first = key.rfind('.', last - 1);
+  const std::string mirrored = matrix + key.substr(last) + key.substr(first, last - first);
   text.set(key, value);
-  text.set(matrix + key.substr(last) + key.substr(first, last - first), value);
+  if (mirrored != key) text.set(mirrored, value);
 }
 
 void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {
