@@ -1,7 +1,5 @@
 #include "observer/command.h"
 
-#include <CLI/CLI.hpp>
-
 #include "sprag/detail/text/confidence_choices.h"
 
 namespace sprag {

@@ -1,7 +1,4 @@
 // listen: publishes the contact events of a device that prints edges, live.
-#include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
-
 #include "command_line/program.h"
 #include "sprag/scene.h"
 #include "tools/listen/options.h"
@@ -21,16 +18,16 @@ constexpr const char* description =
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app(description, "listen");
+  const auto app = sprag::command_line(description, "listen");
   sprag::CommonOptions common;
   common.runs_until_signal = true;
   sprag::ListenRun run;
   std::filesystem::path scene;
-  sprag::add_common_options(app, common);
-  sprag::add_scene(app, common, scene);
-  sprag::add_listen_options(app, common, run);
+  sprag::add_common_options(*app, common);
+  sprag::add_scene(*app, common, scene);
+  sprag::add_listen_options(*app, common, run);
 
-  return sprag::run_program(argc, argv, app, common, [&](nlohmann::ordered_json& report) {
+  return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene machine = sprag::load_scene(scene, common);
     sprag::check_clock(machine.clock, run.intake.clock);
     return sprag::run_listen(run, machine, common, report);
