@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import difflib
 import importlib
+import itertools
 import json
 import math
 import os
@@ -126,19 +127,17 @@ def finite(text: str) -> float:
     return value
 
 
-def count(text: str) -> int:
-    """A whole number from 1 on, for the ``type`` of an option."""
-    if not re.fullmatch(r"\d{1,9}", text) or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not allowed; must be a whole number >= 1")
+def count(text: str, most: int | None = None) -> int:
+    """A whole number from 1 on, at most `most`, for the ``type`` of an option."""
+    if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= (most or int(text)):
+        allowed = ">= 1" if most is None else f"from 1 to {most}"
+        raise argparse.ArgumentTypeError(f"{text} is not allowed; must be a whole number {allowed}")
     return int(text)
 
 
 def jobs(text: str) -> int:
     """A number of threads, for the ``type`` of an option."""
-    if not re.fullmatch(r"\d{1,9}", text) or not 1 <= int(text) <= 1024:
-        message = f"{text} is not allowed; must be a whole number from 1 to 1024"
-        raise argparse.ArgumentTypeError(message)
-    return int(text)
+    return count(text, 1024)
 
 
 def names(text: str) -> list[str]:
@@ -150,6 +149,11 @@ def choose(given: str, choices: Sequence[str]) -> str:
     """Message about an invalid choice: ``kalman; choose replica, timing or both``."""
     head = ", ".join(choices[:-1])
     return f"{given}; choose {head + ' or ' if head else ''}{choices[-1]}"
+
+
+def counted(number: int, noun: str) -> str:
+    """1 event, 2 events."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def finite_number(value: object) -> float | None:
@@ -386,20 +390,18 @@ def _overwritten(parser: Parser, options: argparse.Namespace) -> str:
                 continue
             file = str(item.file if isinstance(item, Labelled) else item)
             files.append((str(name), file, isinstance(item, Written)))
-            if isinstance(item, SceneFile) or (isinstance(item, Labelled) and _is_toml(file)):
+            if isinstance(item, SceneFile) or (
+                isinstance(item, Labelled) and file.endswith(".toml")
+            ):
                 in_scenes += [("a file of SCENE", named, False) for named in _files_of_scene(file)]
-    files += in_scenes
-    for i, (name, file, is_written) in enumerate(files):
-        for other, second, other_is_written in files[i + 1 :]:
-            if (is_written or other_is_written) and same_file(file, second):
-                if file == second:
-                    return f"{name} and {other} are the same file, {file}"
-                return f"{name} {file} and {other} {second} are the same file"
+    for (name, file, is_written), (other, second, other_is_written) in itertools.combinations(
+        files + in_scenes, 2
+    ):
+        if (is_written or other_is_written) and same_file(file, second):
+            if file == second:
+                return f"{name} and {other} are the same file, {file}"
+            return f"{name} {file} and {other} {second} are the same file"
     return ""
-
-
-def _is_toml(file: str) -> bool:
-    return file.endswith(".toml")
 
 
 def _files_of_scene(given: str) -> list[str]:
@@ -413,27 +415,24 @@ def _files_of_scene(given: str) -> list[str]:
         try:
             file = Path(scene_file(waiting.pop()))
             texts = _texts(tomllib.loads(file.read_text("utf-8") if file.is_file() else ""))
+            named = [str(file.parent / text) for text in texts]
         except (SceneError, OSError, ValueError, RecursionError):
             continue
-        named = [str(file.parent / text) for text in texts if os.path.isfile(file.parent / text)]
-        waiting += [other for other in named if _is_toml(other) and other not in found]
+        named = [other for other in named if os.path.isfile(other)]
+        waiting += [other for other in named if other.endswith(".toml") and other not in found]
         found += named
     return found
 
 
-def _texts(value: object) -> list[str]:
+def _texts(value: object) -> Iterator[str]:
     """The texts in a TOML value except names, titles and units, which are no files."""
-    texts: list[str] = []
-    waiting = [value]
-    while waiting:
-        value = waiting.pop()
-        if isinstance(value, dict):
-            waiting += [v for key, v in value.items() if key not in ("name", "title", "unit")]
-        elif isinstance(value, list):
-            waiting += value
-        elif isinstance(value, str):
-            texts.append(value)
-    return texts
+    if isinstance(value, dict):
+        value = [v for key, v in value.items() if key not in ("name", "title", "unit")]
+    if isinstance(value, list):
+        for item in value:
+            yield from _texts(item)
+    elif isinstance(value, str):
+        yield value
 
 
 def same_file(a: str | os.PathLike[str], b: str | os.PathLike[str]) -> bool:

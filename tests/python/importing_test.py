@@ -15,12 +15,12 @@ import numpy as np
 
 from sprag import InputError
 from sprag.importing import import_events
-from sprag.importing.events import Columns, Levels, Rules, import_table
+from sprag.importing.events import Columns, import_table
 from sprag.importing.formats import read_file
 from sprag.importing.hints import find_batches, hints_at_bounces
 from sprag.importing.moments import moment, unit_in_name
 from sprag.importing.tables import read_table
-from sprag.importing.times import Clock
+from sprag.importing.times import Options
 
 COMPILED = importlib.util.find_spec("sprag._core") is not None
 OPTIONAL = {"scipy", "openpyxl"}
@@ -82,21 +82,7 @@ class FileTest(unittest.TestCase):
                 how.pop("skip_lines", 0),
             )
         by = {role: how.pop(role, {}) for role in ("impacts", "on", "off", "level")}
-        levels = {
-            name: how.pop(name)
-            for name in ("time", "threshold", "inverted", "impacts_at", "sample_rate")
-            if name in how
-        }
-        rules = {
-            name: how.pop(name)
-            for name in ("debounce", "pulse_shorter_than", "duration")
-            if name in how
-        }
-        if not by["level"]:
-            levels = {}
-        imported = import_table(
-            table, contacts, Columns(**by), Clock(**how), Levels(**levels), Rules(**rules)
-        )
+        imported = import_table(table, contacts, Columns(**by), Options(**how))
         said = " | ".join(table.remarks + table.doubts + [str(p) for p in table.problems])
         return imported.events["t"], said
 
@@ -625,8 +611,7 @@ class MomentTest(unittest.TestCase):
             ("1732190400123.456789", "1.7321904e12", "ms", 0.123456789),
         ]:
             table = read_table(f"t\n{cell}\n")
-            clock = Clock(unit=unit, offset=offset)
-            imported = import_table(table, 1, Columns(), clock, Levels(), Rules())
+            imported = import_table(table, 1, Columns(), Options(unit, offset))
             self.assertEqual(imported.events["t"].tolist(), [wanted])
 
     def test_units_of_names(self):
@@ -680,9 +665,7 @@ class HintTest(unittest.TestCase):
     def test_short_sustained_contacts(self):
         def hints(text: str) -> list[str]:
             table = read_table("on;off\n" + text)
-            of = import_table(
-                table, 1, Columns(on={1: "on"}, off={1: "off"}), Clock(), Levels(), Rules()
-            )
+            of = import_table(table, 1, Columns(on={1: "on"}, off={1: "off"}), Options())
             return hints_at_bounces(of.events, of.figures)
 
         brief = hints("".join(f"{0.1 * k:.4f};{0.1 * k + 1e-4:.4f}\n" for k in range(20)))
@@ -704,9 +687,8 @@ class ContactTest(FileTest):
 
     def pairs(self, text: str, **rules: Any) -> tuple[list[Any], list[str]]:
         table = read_table("on,off\n" + text)
-        clock = Clock(unit=rules.pop("unit", "s"), any_order=True)
-        columns = Columns(on={1: "on"}, off={1: "off"})
-        of = import_table(table, 1, columns, clock, Levels(), Rules(**rules))
+        options = Options(**{"unit": "s", "any_order": True} | rules)
+        of = import_table(table, 1, Columns(on={1: "on"}, off={1: "off"}), options)
         events = [(t, kind) for t, _, kind in of.events.tolist()]
         return events, [str(problem) for problem in table.problems]
 
@@ -754,8 +736,8 @@ class PlainTest(FileTest):
 
     def test_columns(self):
         table = read_table("a;b\n3,5;1\n2;2\n;0.5\n1;\n".replace("0.5", "2,5"))
-        clock = Clock(any_order=True)
-        of = import_table(table, 2, Columns(impacts={1: "a", 2: "b"}), clock, Levels(), Rules())
+        columns = Columns(impacts={1: "a", 2: "b"})
+        of = import_table(table, 2, columns, Options(any_order=True))
         self.assertEqual(
             of.events.tolist(),
             [(1.0, 1, 3), (1.0, 2, 3), (2.0, 1, 3), (2.0, 2, 3), (2.5, 2, 3), (3.5, 1, 3)],
@@ -807,7 +789,7 @@ class PlainTest(FileTest):
             ({1: "a [ms]", 2: "d"}, "not say the same"), ({1: "e [min]", 2: "a [ms]"}, "is in min"),
         ]:  # fmt: skip
             table = read_table(text)
-            arguments = (table, 2, Columns(impacts=columns), Clock(), Levels(), Rules())
+            arguments = (table, 2, Columns(impacts=columns), Options())
             if wanted is None:
                 self.assertEqual(import_table(*arguments).events["t"].tolist(), [1e-3, 2e-3])
                 self.assertIn("times in ms, as column 'a [ms]' says", table.remarks)

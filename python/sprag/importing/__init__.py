@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .events import Columns, Levels, Rules, import_table
+from .events import Columns, import_table
 from .formats import located, read_file
 from .tables import SEPARATORS
-from .times import ArgumentError, Clock
+from .times import ArgumentError, Options
 
 if TYPE_CHECKING:
     from .._core import Scene
@@ -109,13 +109,14 @@ def import_events(
     contacts = _contacts(scene, rate)
     chosen = Columns(*map(_by_contact, (impacts, on, off, level)))
     chosen.check(contacts)
-    unit = None if unit is None else _as_text(unit)
-    clock = Clock(unit, _as_text(offset), rate, counter_bits, day_first, any_order)
-    levels = Levels(time or None, threshold, inverted, impacts_at, sample_rate)
-    rules = Rules(debounce, pulse_shorter_than, duration)
+    options = Options(
+        None if unit is None else _as_text(unit), _as_text(offset), rate, counter_bits, day_first,
+        any_order, time or None, threshold, inverted, impacts_at, sample_rate, debounce,
+        pulse_shorter_than, duration,
+    )  # fmt: skip
     table = read_file(file, columns, separator, skip_lines)
     with located(file):
-        events = import_table(table, contacts, chosen, clock, levels, rules).events
+        events = import_table(table, contacts, chosen, options).events
     for text in [f":{problem}; left out" for problem in table.problems] + [
         f": {doubt}" for doubt in table.doubts
     ]:

@@ -7,38 +7,22 @@ compiled library, which live sources use as well.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .._command import require_compiled
+from .._command import counted, require_compiled
 from .._errors import InputError
 from .moments import LEVEL_WORDS
-from .tables import Problem, Table, counted
-from .times import (
-    ArgumentError,
-    Clock,
-    Floats,
-    TimeReader,
-    numbers,
-    sample_times,
-    time_column,
-)
+from .tables import Problem, Table
+from .times import EDGES, ArgumentError, Floats, Options, TimeReader
+from .times import numbers, sample_times, time_column
 
 PULSE = 3
-EVENT = np.dtype(  # event_dtype of the compiled part
-    {
-        "names": ["t", "contact", "kind"],
-        "formats": ["<f8", "<i4", "i1"],
-        "offsets": [0, 8, 12],
-        "itemsize": 16,
-    }
-)
-# The changes of a level that are impacts; see _changes().
-EDGES = {"rising": (1,), "falling": (-1,), "both": (1, -1)}
-LARGEST_CONTACT = 60
+# event_dtype of the compiled part
+EVENT = np.dtype([("t", "<f8"), ("contact", "<i4"), ("kind", "i1")], align=True)
 
 Events = npt.NDArray[np.void]
 
@@ -60,71 +44,30 @@ class Columns:
 
     def check(self, contacts: int) -> None:
         """Raises ArgumentError if the columns contradict each other or the scene."""
-        for role in ("impacts", "on", "off", "level"):
+        roles: dict[int, set[str]] = {contact: set() for contact in self.contacts()}
+        for role in (of.name for of in fields(self)):
             for contact, name in getattr(self, role).items():
+                roles[contact].add(role)
                 if not 1 <= contact <= contacts:
                     raise ArgumentError(
                         f"--{role} {name} is for contact {contact}; the scene has "
                         f"{counted(contacts, 'contact')}, counted from 1"
                     )
-        for contact in self.contacts():
-            on, off = contact in self.on, contact in self.off
-            impacts, level = contact in self.impacts, contact in self.level
+        for contact, of in roles.items():
             for contradiction, what in [
-                (impacts and (on or off), "--impacts and --on or --off; must be either"),
                 (
-                    level and (on or off or impacts),
+                    "impacts" in of and of & {"on", "off"},
+                    "--impacts and --on or --off; must be either",
+                ),
+                (
+                    "level" in of and len(of) > 1,
                     "--level and --impacts, --on or --off; must be either",
                 ),
-                (on and not off, "--on without --off"),
-                (off and not on, "--off without --on"),
+                (of == {"on"}, "--on without --off"),
+                (of == {"off"}, "--off without --on"),
             ]:
                 if contradiction:
                     raise ArgumentError(f"contact {contact} has {what}")
-
-
-@dataclass(frozen=True)
-class Levels:
-    """How levels become edges."""
-
-    time: str | None = None  # column of their times; None: the only one that fits
-    threshold: float | None = None  # a level above it is high; None: 0.5, of levels 0 and 1
-    inverted: bool = False  # low while the contact is closed
-    impacts_at: str | None = None  # one of EDGES: these are impacts; None: contacts close and open
-    sample_rate: float | None = None  # of rows without times [1/s]
-
-    def __post_init__(self) -> None:
-        if self.impacts_at is not None and self.impacts_at not in EDGES:
-            raise ArgumentError(
-                f'impacts_at is "{self.impacts_at}"; must be "rising", "falling" or "both"'
-            )
-        if self.sample_rate is not None and not 0.0 < self.sample_rate < np.inf:
-            raise ArgumentError("sample_rate must be > 0")
-
-
-@dataclass(frozen=True)
-class Rules:
-    """Bounces, pulses and the end, all in seconds of the machine."""
-
-    debounce: float = 0.0
-    pulse_shorter_than: float = 0.0
-    duration: float = np.inf
-
-    def __post_init__(self) -> None:
-        if not (self.debounce >= 0.0 and self.pulse_shorter_than >= 0.0):
-            raise ArgumentError("debounce and pulse_shorter_than must be >= 0")
-
-
-@dataclass
-class Figures:
-    """Numbers of a contact's events."""
-
-    contact: int
-    pulses: int = 0
-    sustained: int = 0
-    merged: int = 0  # bounces merged with the contact or impact before
-    before_start: int = 0  # events left out
-    after_duration: int = 0
 
 
 @dataclass
@@ -133,8 +76,9 @@ class Imported:
 
     events: Events
     closings: Events  # all, before debouncing, EVENT; kind PULSE: an impact
-    figures: list[Figures]
-    of_clock: bool  # some times are dates or times of day
+    # Of each contact: its number, pulses, sustained, merged (bounces merged with the contact or
+    # impact before), and events left out, before_start and after_duration.
+    figures: list[dict[str, int]]
 
 
 # Of one contact by role, "closings", "openings" or "impacts": the column, and the times
@@ -143,15 +87,14 @@ _Edges = dict[str, tuple[str, Floats]]
 _ROLES = ("closings", "openings", "impacts")
 
 
-def import_table(
-    table: Table, contacts: int, columns: Columns, clock: Clock, levels: Levels, rules: Rules
-) -> Imported:
+def import_table(table: Table, contacts: int, columns: Columns, options: Options) -> Imported:
     """The events of the contacts that `columns` name, of a machine with so many contacts.
 
     Raises ArgumentError for columns that do not fit, InputError for a table that cannot be used.
     """
     columns = _chosen(table, contacts, columns)
-    if not columns.level and levels != Levels():
+    of_levels = ("time", "threshold", "inverted", "impacts_at", "sample_rate")
+    if not columns.level and any(getattr(options, of) != getattr(Options, of) for of in of_levels):
         raise ArgumentError(
             "--time, --threshold, --inverted, --impacts-at and --sample-rate are for --level"
         )
@@ -161,20 +104,16 @@ def import_table(
         )
     if columns.impacts:
         _doubt_alternating(table)
-    edges, of_clock = _edges_of_times(table, columns, clock)
-    if columns.level:
-        of_levels, level_clock = _edges_of_levels(table, columns.level, clock, levels)
-        edges.update(of_levels)
-        of_clock = of_clock or level_clock
+    edges = _edges_of_times(table, columns, options) | _edges_of_levels(table, columns, options)
     events, closings, figures = [], [], []
     for contact, of in sorted(edges.items()):
-        made, counts = _events_of(table, contact, of, rules)
+        made, counts = _events_of(table, contact, of, options)
         events.append(made)
-        figures.append(counts)
-        _, t = of["impacts"] if "impacts" in of else of["closings"]
-        closings.append(_as_events(_sorted(t)[0], contact, PULSE if "impacts" in of else 1))
+        figures.append({"contact": contact, **counts})
+        role, kind = ("impacts", PULSE) if "impacts" in of else ("closings", 1)
+        closings.append(_as_events(_sorted(of[role][1])[0], contact, kind))
     table.problems.sort(key=lambda problem: problem.line)
-    return Imported(_by_time(events), _by_time(closings), figures, of_clock)
+    return Imported(_by_time(events), _by_time(closings), figures)
 
 
 def _chosen(table: Table, contacts: int, columns: Columns) -> Columns:
@@ -205,56 +144,57 @@ def _doubt_alternating(table: Table) -> None:
             return
 
 
-def _edges_of_times(table: Table, columns: Columns, clock: Clock) -> tuple[dict[int, _Edges], bool]:
-    """Edges by contact, and whether the times are those of a clock."""
+def _edges_of_times(table: Table, columns: Columns, options: Options) -> dict[int, _Edges]:
     named = [*columns.impacts.values(), *columns.on.values(), *columns.off.values()]
     for name in named:
         table.column(name)
-    if not named:
-        return {}, False
-    reader = TimeReader(table, named, clock)
     edges: dict[int, _Edges] = {}
-    for role, of_role in zip(_ROLES, (columns.on, columns.off, columns.impacts)):
-        for contact, name in of_role.items():
-            edges.setdefault(contact, {})[role] = (name, reader.seconds(name))
-    return edges, reader.of_clock
+    if named:
+        reader = TimeReader(table, named, options)
+        for role, of_role in zip(_ROLES, (columns.on, columns.off, columns.impacts)):
+            for contact, name in of_role.items():
+                edges.setdefault(contact, {})[role] = (name, reader.seconds(name))
+    return edges
 
 
-def _edges_of_levels(
-    table: Table, columns: Mapping[int, str], clock: Clock, levels: Levels
-) -> tuple[dict[int, _Edges], bool]:
-    time = None if levels.sample_rate else time_column(table, levels.time)
-    changes = {contact: _changes(table, given, time, levels) for contact, given in columns.items()}
+def _edges_of_levels(table: Table, columns: Columns, options: Options) -> dict[int, _Edges]:
+    if not columns.level:
+        return {}
+    time = time_column(table, options)
+    changes = {
+        contact: _changes(table, given, time, options) for contact, given in columns.level.items()
+    }
     needed = np.logical_or.reduce([change != 0 for change in changes.values()])
-    t, of_clock = sample_times(table, time, levels.sample_rate, clock, needed)
+    t = sample_times(table, time, options, needed)
+    # A first level that is high (2) is a closing, but no edge that is an impact.
+    of_role = {"closings": (1, 2), "openings": (-1,)}
+    if options.impacts_at:
+        of_role = {"impacts": EDGES[options.impacts_at]}
     edges: dict[int, _Edges] = {}
     for contact, change in changes.items():
-        # A first level that is high (2) is a closing, but no edge that is an impact.
-        of_role = {"closings": (1, 2), "openings": (-1,)}
-        if levels.impacts_at:
-            of_role = {"impacts": EDGES[levels.impacts_at]}
+        name = columns.level[contact]
         edges[contact] = {
-            role: (columns[contact], np.where(np.isin(change, wanted), t, np.nan))
+            role: (name, np.where(np.isin(change, wanted), t, np.nan))
             for role, wanted in of_role.items()
         }
-        if levels.impacts_at == "both":
+        if options.impacts_at == "both":
             table.doubts.append(
-                f"both edges of '{columns[contact]}' are taken as impacts: a contact that closes "
-                "and opens counts twice; --impacts-at rising or falling takes one of them"
+                f"both edges of '{name}' are taken as impacts: a contact that closes and opens "
+                "counts twice; --impacts-at rising or falling takes one of them"
             )
-    return edges, of_clock
+    return edges
 
 
-def _changes(table: Table, given: str, time: str | None, levels: Levels) -> npt.NDArray[np.int8]:
+def _changes(table: Table, given: str, time: str | None, options: Options) -> npt.NDArray[np.int8]:
     """Of each row: 1 the level rises, -1 it falls, 2 it is the first one and high, 0 neither."""
     compiled = require_compiled("the import of levels")
     name, cells = _level_cells(table, given)
     if name == time:
         raise InputError(f"column '{name}' is the one of times and has no levels")
-    values, threshold = _level_values(table, name, cells, levels.threshold)
+    values, threshold = _level_values(table, name, cells, options.threshold)
     known = np.flatnonzero(np.isfinite(values))
     change = np.zeros(len(values), np.int8)
-    change[known] = compiled._level_changes(values[known], threshold, levels.inverted)
+    change[known] = compiled._level_changes(values[known], threshold, options.inverted)
     return change
 
 
@@ -315,9 +255,11 @@ def _level_values(
     return values, 0.5 if threshold is None else threshold
 
 
-def _events_of(table: Table, contact: int, edges: _Edges, rules: Rules) -> tuple[Events, Figures]:
-    if "impacts" in edges and not rules.debounce:
-        return _plain_impacts(table, contact, *edges["impacts"], rules.duration)
+def _events_of(
+    table: Table, contact: int, edges: _Edges, options: Options
+) -> tuple[Events, dict[str, int]]:
+    if "impacts" in edges and not options.debounce:
+        return _plain_impacts(table, contact, *edges["impacts"], options.duration)
     compiled = require_compiled(
         "--debounce" if "impacts" in edges else "the import of closings and openings"
     )
@@ -326,14 +268,14 @@ def _events_of(table: Table, contact: int, edges: _Edges, rules: Rules) -> tuple
     events, counts, refused = compiled._contact_events(
         contact,
         *(t for t, _ in times),
-        debounce=rules.debounce,
-        pulse_shorter_than=rules.pulse_shorter_than,
-        duration=rules.duration,
+        debounce=options.debounce,
+        pulse_shorter_than=options.pulse_shorter_than,
+        duration=options.duration,
     )
     for of, index, what in refused:
         line = table.lines[int(times[of][1][index])]
         table.problems.append(Problem(line, edges[_ROLES[of]][0], what))
-    return events, Figures(contact, **counts)
+    return events, counts
 
 
 def _sorted(times: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
@@ -345,7 +287,7 @@ def _sorted(times: Floats) -> tuple[Floats, npt.NDArray[np.intp]]:
 
 def _plain_impacts(
     table: Table, contact: int, name: str, times: Floats, duration: float
-) -> tuple[Events, Figures]:
+) -> tuple[Events, dict[str, int]]:
     """Impacts as they are, sorted and one at a time: for this nothing compiled is needed."""
     t, rows = _sorted(times)
     again = np.diff(t, prepend=-np.inf) == 0.0
@@ -354,9 +296,10 @@ def _plain_impacts(
         for at, row in zip(t[again], rows[again])
     ]
     t = t[~again]
-    early, late = int((t < 0.0).sum()), int((t > duration).sum())
-    events = _as_events(t[(t >= 0.0) & (t <= duration)], contact, PULSE)
-    return events, Figures(contact, len(events), before_start=early, after_duration=late)
+    early, late = t < 0.0, t > duration
+    events = _as_events(t[~(early | late)], contact, PULSE)
+    counts = {"pulses": len(events), "sustained": 0, "merged": 0}
+    return events, counts | {"before_start": int(early.sum()), "after_duration": int(late.sum())}
 
 
 def _by_time(parts: Sequence[Events]) -> Events:

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from .._command import require
+from .._command import counted, require
 from .._errors import InputError
 from .moments import TIME_UNITS
-from .tables import Table, counted, read_table
+from .tables import Table, read_table
 
 # Below the peak of a sound, and after a pause of this length [s], a sample is an onset.
 _BELOW_PEAK = 10 ** (-30 / 20)
@@ -72,9 +72,14 @@ def _read(
     for magic, what in _FOREIGN.items():
         if data.startswith(magic):
             raise InputError(what)
+    readers = {
+        b"MATLAB 5.0": _read_mat,
+        b"\x93NUMPY": _read_npy,
+        b"RIF[FX]....WAVE": _read_wav,
+    }
     if data.startswith(b"PK\x03\x04"):
         (text, remarks), separator = _guarded(_text_of_excel, data), "tab"
-    elif reader := _binary_reader(data):
+    elif reader := next((of for form, of in readers.items() if re.match(form, data, re.S)), None):
         return _renamed(_guarded(reader, data), names)
     else:
         text, remarks = _decoded(data)
@@ -130,16 +135,6 @@ def _decoded(data: bytes) -> tuple[str, list[str]]:
     if re.search(r"[\0-\x08\x0e-\x1a\x1c-\x1f]", text[:4000]):
         raise InputError("is a binary file of an unknown kind; export CSV")
     return text, remarks
-
-
-def _binary_reader(data: bytes) -> Callable[[bytes], Table] | None:
-    if data.startswith(b"MATLAB 5.0"):
-        return _read_mat
-    if data.startswith(b"\x93NUMPY"):
-        return _read_npy
-    if data.startswith((b"RIFF", b"RIFX")) and data[8:12] == b"WAVE":
-        return _read_wav
-    return None
 
 
 def _text_of(value: Any) -> str:
@@ -255,23 +250,19 @@ def _read_vcd(text: str) -> Table:
         )
         if match["bits"] == "1" or match["type"] == "real"
     }
-    now, rows, lines = "", [], []
     values = dict.fromkeys(signals, "")
-    for number, line in enumerate(body.split("\n"), head.count("\n") + 1):
-        line = line.strip()
-        change = re.fullmatch(r"([01xXzZ])(\S+)|[rR](\S+)\s+(\S+)", line)
-        if line.startswith("#"):
-            if now:
-                rows.append([now, *values.values()])
-                lines.append(number)
-            now = line[1:].strip()
-        elif change and (change[2] or change[4]) in values:
-            value = change[1] or change[3]
-            values[change[2] or change[4]] = "" if value in ("x", "X", "z", "Z") else value
-    if now:
-        rows.append([now, *values.values()])
-        lines.append(body.count("\n") + head.count("\n") + 1)
-    if not rows:
+    rows, lines, number = [], [], head.count("\n") + 1
+    change = re.compile(r"(?m)^[ \t]*(?:([01xXzZ])(\S+)|[rR](\S+)[ \t]+(\S+))[ \t\r]*$")
+    # A block is a time and the changes up to the next one; the first block has no time.
+    for block in re.split(r"(?m)^[ \t]*#", body):
+        time, _, changes = block.partition("\n")
+        for bit, of_bit, real, of_real in change.findall(changes):
+            if (code := of_bit or of_real) in values:
+                values[code] = real or bit.strip("xXzZ")
+        rows.append([time.strip(), *values.values()])
+        lines.append(number)
+        number += block.count("\n")
+    if len(rows) == 1:
         raise InputError("the VCD file has no times")
     unit = scale[2] if scale[1] == "1" else f"{int(scale[1]) * TIME_UNITS[scale[2]]}"
-    return Table(["Time", *signals.values()], rows, lines, {"Time": unit})
+    return Table(["Time", *signals.values()], rows[1:], lines[1:], {"Time": unit})

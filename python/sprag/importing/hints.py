@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from .events import PULSE, Figures
+from .events import PULSE, Events
 from .times import Floats
 
 _SHORT_CONTACT = 1e-3  # [s]
@@ -43,7 +42,7 @@ class Batches:
         )
 
 
-def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> list[str]:
+def hints_at_bounces(events: Events, figures: list[dict[str, int]]) -> list[str]:
     """Hints, one line each, to use --debounce and --pulse-shorter-than for contacts.
 
     Of contacts whose sustained contacts, or the pauses between them, are shorter than a millisecond
@@ -51,9 +50,9 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
     """
     hints = []
     for of in figures:
-        if not of.sustained:
+        if not of["sustained"]:
             continue
-        own = events[events["contact"] == of.contact]
+        own = events[events["contact"] == of["contact"]]
         kind, follows = own["kind"], np.diff(own["t"])
         opens = kind == 2
         lengths = follows[~opens[:-1] & opens[1:]]
@@ -68,7 +67,7 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
         quick = int((pauses < limit).sum())
         also = f", and {quick} closings follow an opening as closely" if quick else ""
         hints.append(
-            f"contact {of.contact}: {brief} of {len(lengths)} sustained contacts last less than "
+            f"contact {of['contact']}: {brief} of {len(lengths)} sustained contacts last less than "
             f"{limit:.3g} s (median {np.median(lengths):.3g} s){also}. Impacts are as short, and "
             "electrical contacts bounce: --pulse-shorter-than T makes impacts of contacts shorter "
             "than T, --debounce T one contact of those that follow within T. A burst of hits of a "
@@ -78,7 +77,7 @@ def hints_at_bounces(events: npt.NDArray[np.void], figures: list[Figures]) -> li
     return hints
 
 
-def find_batches(closings: npt.NDArray[np.void]) -> Batches | None:
+def find_batches(closings: Events) -> Batches | None:
     """Batches, if there are any, of closings in order of time.
 
     There are if the gaps between closings are of two kinds, more than a factor of ten apart, and
@@ -113,15 +112,13 @@ def find_batches(closings: npt.NDArray[np.void]) -> Batches | None:
 
 def _smallest_between(gaps: Floats) -> float | None:
     """The smallest gap above the largest jump, as a factor, of the sorted gaps."""
-    between, largest = None, _APART
-    for i in range(_FEWEST_SMALL, len(gaps) - _FEWEST_BATCHES + 1):
-        if not gaps[i] > largest * gaps[i - 1]:
-            continue
-        between = float(gaps[i])
-        if gaps[i - 1] == 0.0:
-            break
-        largest = gaps[i] / gaps[i - 1]
-    return between
+    end = max(_FEWEST_SMALL, len(gaps) - _FEWEST_BATCHES + 1)
+    above, below = gaps[_FEWEST_SMALL:end], gaps[_FEWEST_SMALL - 1 : end - 1]
+    with np.errstate(divide="ignore", invalid="ignore"):  # gaps of 0
+        jumps = np.where(above > 0.0, above / below, 0.0)
+    if not len(jumps) or jumps.max() <= _APART:
+        return None
+    return float(above[jumps.argmax()])
 
 
 def _common_period(distances: Floats) -> float:

@@ -74,13 +74,11 @@ def unit_in_name(name: str) -> str | None:
     return next((unit.strip() for unit in candidates if is_time_unit(unit.strip())), None)
 
 
-def seconds_of_unit(unit: str) -> Decimal | None:
+def seconds_of_unit(unit: str | None) -> Decimal | None:
     """Seconds of a unit or of a number of seconds > 0; None for any other text."""
-    if (known := _time_unit(unit)) is not None:
-        return known
-    if not NUMBER.fullmatch(unit) or "," in unit:
-        return None
-    value = number(unit)
+    if unit is None or (known := _time_unit(unit)) is not None:
+        return known if unit else None
+    value = number(unit) if NUMBER.fullmatch(unit) and "," not in unit else None
     return value if value is not None and value > 0 else None
 
 

@@ -9,36 +9,21 @@ import functools
 import math
 import sys
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import IO, Any, TypeVar
+from collections.abc import Callable, Iterator, Sequence
+from typing import IO, Any
 
-from .._command import (
-    EXIT_DONE,
-    Parser,
-    Read,
-    SceneFile,
-    UsageError,
-    Written,
-    choose,
-    count,
-    finite,
-    names,
-    positive,
-    printable,
-    require_compiled,
-    run_program,
-    scene_file,
-    standard_output,
-    written,
-)
+from .. import _command
+from .._command import EXIT_DONE, Parser, Read, SceneFile, UsageError, Written
+from .._command import count, finite, names, positive, printable
 from .._errors import Error, SceneError
-from .events import EDGES, LARGEST_CONTACT, Columns, Imported, Levels, Rules, import_table
+from ..tables import MOST_CONTACTS
+from .events import Columns, Imported, import_table
 from .formats import located, read_file
 from .hints import find_batches, hints_at_bounces
 from .moments import moment, seconds_of_unit
 from .record import read_signal, write_record
 from .tables import SEPARATORS, Table
-from .times import ArgumentError, Clock
+from .times import EDGES, ArgumentError, Options
 
 DESCRIPTION = """\
 Turns columns of time stamps or levels into contact events for observer --replay, or with --record
@@ -60,13 +45,13 @@ def _column(role: str, text: str) -> tuple[str, int | None, str]:
     digits, equals, name = text.partition("=")
     if not (equals and digits.isdecimal() and digits.isascii()):
         return role, None, text
-    return role, int(digits) if len(digits) < 10 else LARGEST_CONTACT + 1, name
+    return role, int(digits) if len(digits) < 10 else MOST_CONTACTS + 1, name
 
 
 def _unit(text: str) -> str:
     if seconds_of_unit(text) is None or (text.isalpha() and text not in ("s", "ms", "us", "ns")):
         choices = ["s", "ms", "us", "ns", "a number of seconds > 0"]
-        raise argparse.ArgumentTypeError(choose(text, choices))
+        raise argparse.ArgumentTypeError(_command.choose(text, choices))
     return text
 
 
@@ -82,7 +67,8 @@ def _offset(text: str) -> str:
 def _separator(text: str) -> str:
     named = {",": "comma", ";": "semicolon", "\t": "tab", " ": "blank"}.get(text, text)
     if named not in SEPARATORS:
-        raise argparse.ArgumentTypeError(choose(text, ["comma", "semicolon", "tab", "blank"]))
+        choices = ["comma", "semicolon", "tab", "blank"]
+        raise argparse.ArgumentTypeError(_command.choose(text, choices))
     return named
 
 
@@ -146,7 +132,7 @@ def _parser() -> Parser:
 
 def main() -> int:
     """Runs the program and returns its exit code."""
-    return run_program(_parser(), _run)
+    return _command.run_program(_parser(), _run)
 
 
 def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
@@ -162,24 +148,20 @@ def _events(options: argparse.Namespace, report: dict[str, Any]) -> int:
     if options.output and not options.output.endswith((".csv", ".lcmlog")):
         raise UsageError(f"--output is {options.output}; must end in .csv or .lcmlog")
     columns = _by_contact(options.chosen or [])
-    levels, rules = _given(Levels, options), _given(Rules, options)
     contacts = _check_machine(options)
     columns.check(contacts)
     with _table(options) as table:
-        imported = import_table(table, contacts, columns, _given(Clock, options), levels, rules)
-    _print_problems(options.file, table)
-    _fill(imported, table, report)
-    _print_summary(imported, report)
-    _print_hints(imported, report)
+        imported = import_table(table, contacts, columns, _given(options))
+    _report_import(imported, table, options.file, report)
     t = imported.events["t"]
     if not len(t):
         raise Error(f"{options.file}: no event is left")
-    if _is_zero(options.offset) and (imported.of_clock or t[0] > _HARDLY_A_RUN):
+    if _is_zero(options.offset) and (table.of_clock or t[0] > _HARDLY_A_RUN):
         _say("the first event comes late; --offset gives the time of the file at t = 0")
     if options.output and options.output.endswith(".lcmlog"):
-        compiled = require_compiled("writing an LCM log")
+        compiled = _command.require_compiled("writing an LCM log")
         end = 0.0 if math.isinf(options.duration) else options.duration
-        with written(options.output) as temporary:
+        with _command.written(options.output) as temporary:
             report["messages"] = compiled._write_contact_log(
                 temporary, imported.events, contacts, end, options.key
             )
@@ -200,9 +182,7 @@ def _record(options: argparse.Namespace) -> int:
     if options.output and not options.output.endswith(".csv"):
         raise UsageError(f"--output is {options.output}; a record must end in .csv")
     with _table(options) as table:
-        t, values = read_signal(
-            table, options.record, options.time, options.sample_rate, _given(Clock, options)
-        )
+        t, values = read_signal(table, options.record, _given(options))
     with _csv(options.output) as stream:
         write_record(stream, options.record, t, values)
     return EXIT_DONE
@@ -220,12 +200,8 @@ def _table(options: argparse.Namespace) -> Iterator[Table]:
             _say(f"{options.file}: {text}")
 
 
-_Given = TypeVar("_Given", Clock, Levels, Rules)
-
-
-def _given(kind: type[_Given], options: argparse.Namespace) -> _Given:
-    """The options of these names."""
-    return kind(**{f.name: getattr(options, f.name) for f in dataclasses.fields(kind)})
+def _given(options: argparse.Namespace) -> Options:
+    return Options(**{f.name: getattr(options, f.name) for f in dataclasses.fields(Options)})
 
 
 def _by_contact(columns: Sequence[tuple[str, int | None, str]]) -> Columns:
@@ -252,7 +228,7 @@ def _by_contact(columns: Sequence[tuple[str, int | None, str]]) -> Columns:
 
 def _check_machine(options: argparse.Namespace) -> int:
     """Number of contacts of the scene. Refuses a rate that the scene's clock corrects as well."""
-    file = scene_file(options.scene)
+    file = _command.scene_file(options.scene)
     try:
         with open(file, "rb") as stream:
             scene = tomllib.load(stream)
@@ -261,8 +237,8 @@ def _check_machine(options: argparse.Namespace) -> int:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise SceneError(f"{file}: is no TOML: {error}") from None
     contacts, clock = scene.get("contact"), scene.get("clock")
-    if not isinstance(contacts, list) or not 1 <= len(contacts) <= LARGEST_CONTACT:
-        raise SceneError(f"{file}: must have 1 to {LARGEST_CONTACT} [[contact]] tables")
+    if not isinstance(contacts, list) or not 1 <= len(contacts) <= MOST_CONTACTS:
+        raise SceneError(f"{file}: must have 1 to {MOST_CONTACTS} [[contact]] tables")
     clock = clock if isinstance(clock, dict) else {}
     if options.rate != 1.0 and clock.get("rate", 1) != 1:
         raise UsageError(
@@ -286,61 +262,51 @@ def _say(text: str) -> None:
     print(printable(text), file=sys.stderr)
 
 
-def _print_problems(file: str, table: Table) -> None:
+def _report_import(imported: Imported, table: Table, file: str, report: dict[str, Any]) -> None:
+    """Prints and reports bad rows, figures of the contacts, and hints."""
     for problem in table.problems[:_MOST_PROBLEMS_SHOWN]:
         _say(f"{file}:{problem}; left out")
-    if (more := len(table.problems) - _MOST_PROBLEMS_SHOWN) > 0:
-        _say(f"{file}: {more} more bad rows left out")
-
-
-def _fill(imported: Imported, table: Table, report: dict[str, Any]) -> None:
-    t = imported.events["t"]
+    bad_rows = len(table.problems)
+    if bad_rows > _MOST_PROBLEMS_SHOWN:
+        _say(f"{file}: {bad_rows - _MOST_PROBLEMS_SHOWN} more bad rows left out")
+    t, span = imported.events["t"], ""
     report["events"] = len(t)
     if len(t):
         report["first_t"], report["last_t"] = float(t[0]), float(t[-1])
-    counts = [dataclasses.asdict(of) for of in imported.figures]
-    names_of_counts = ("contact", "pulses", "sustained", "merged")
-    report["contacts"] = [{name: of[name] for name in names_of_counts} for of in counts]
-    report["bad_rows"] = len(table.problems)
-    for name in ("before_start", "after_duration"):
-        report[name] = sum(of[name] for of in counts)
-    report["remarks"] = [*table.remarks, *table.doubts]
-
-
-def _print_summary(imported: Imported, report: Mapping[str, Any]) -> None:
+        span = f" from t = {t[0]:g} to {t[-1]:g}"
+    counts = ("contact", "pulses", "sustained", "merged")
+    report["contacts"] = [{name: of[name] for name in counts} for of in imported.figures]
     for of in imported.figures:
-        _say(
-            f"contact {of.contact}: {of.pulses} pulses, {of.sustained} sustained, {of.merged} "
-            "bounces merged"
-            if of.pulses + of.sustained
-            else f"contact {of.contact} has no events"
-        )
-    span = " from t = {first_t:g} to {last_t:g}".format(**report) if report["events"] else ""
-    _say(
-        f"{report['events']} events{span}; left out: {report['bad_rows']} bad rows, "
-        f"{report['before_start']} events before t = 0, {report['after_duration']} after the "
-        "duration"
+        form = "contact {contact} has no events"
+        if of["pulses"] + of["sustained"]:
+            form = (
+                "contact {contact}: {pulses} pulses, {sustained} sustained, {merged} bounces merged"
+            )
+        _say(form.format(**of))
+    report["bad_rows"] = bad_rows
+    early, late = (
+        sum(of[n] for of in imported.figures) for n in ("before_start", "after_duration")
     )
-
-
-def _print_hints(imported: Imported, report: dict[str, Any]) -> None:
-    hints = hints_at_bounces(imported.events, imported.figures)
+    report["before_start"], report["after_duration"] = early, late
+    _say(
+        f"{len(t)} events{span}; left out: {bad_rows} bad rows, {early} events before t = 0, "
+        f"{late} after the duration"
+    )
+    report["remarks"] = [*table.remarks, *table.doubts]
+    report["hints"] = hints_at_bounces(imported.events, imported.figures)
     if batches := find_batches(imported.closings):
-        hints.append(batches.text(len(imported.closings)))
+        report["hints"].append(batches.text(len(imported.closings)))
         report["batches"] = {"period": batches.period, "events": batches.events}
-    for hint in hints:
+    for hint in report["hints"]:
         _say(hint)
-    report["hints"] = hints
 
 
 @contextlib.contextmanager
 def _csv(output: str | None) -> Iterator[IO[str]]:
     if not output:
-        with standard_output() as stream:
+        with _command.standard_output() as stream:
             yield stream
         return
-    try:
-        with written(output) as temporary, open(temporary, "w", encoding="utf-8") as stream:
+    with _command.written(output) as temporary, _command.writing(output):
+        with open(temporary, "w", encoding="utf-8") as stream:
             yield stream
-    except OSError as error:
-        raise Error(f"{output}: cannot be written: {error.strerror}") from None

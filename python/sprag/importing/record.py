@@ -8,18 +8,16 @@ import numpy as np
 
 from .._errors import InputError
 from .tables import Table
-from .times import Clock, Floats, numbers, sample_times, time_column
+from .times import Floats, Options, numbers, sample_times, time_column
 
 
-def read_signal(
-    table: Table, name: str, time: str | None, sample_rate: float | None, clock: Clock
-) -> tuple[Floats, Floats]:
+def read_signal(table: Table, name: str, options: Options) -> tuple[Floats, Floats]:
     """Times [s] and values, in the column's unit, of all rows. Raises InputError for a gap."""
     cells = table.column(name)
-    time = None if sample_rate else time_column(table, time)
+    time = time_column(table, options)
     if time == name:
         raise InputError(f"the column '{name}' is the time; the signal must be another")
-    t, _ = sample_times(table, time, sample_rate, clock, np.ones(len(cells), bool))
+    t = sample_times(table, time, options, np.ones(len(cells), bool))
     values = numbers(cells)
     gap = "a gap in a record cannot be interpolated"
     for what, of in ("value", values), ("time", t):

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
+from .._command import counted
 from .._errors import InputError
 from .moments import LEVEL_WORDS, NUMBER, is_moment, unit_in_name, unit_of_cell
 
@@ -55,6 +56,7 @@ class Table:
     problems: list[Problem] = field(default_factory=list)
     sample_rate: float | None = None  # of a file without times, as its head states it [1/s]
     has_header: bool = True
+    of_clock: bool = False  # some times that were read are dates or times of day
 
     def column(self, name: str) -> list[str]:
         """The cells of the column of this name. Raises InputError with the names there are."""
@@ -82,11 +84,6 @@ class Table:
     def unit(self, name: str) -> str | None:
         """The unit of the column, by a row of units or by its name; None: none is stated."""
         return self.units.get(name) or unit_in_name(name)
-
-
-def counted(number: int, noun: str) -> str:
-    """``1 column``, ``2 columns``."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def read_table(

@@ -25,6 +25,8 @@ from .tables import Problem, Table
 
 Floats = npt.NDArray[np.float64]
 
+# The changes of a level that are impacts: 1 it rises, -1 it falls.
+EDGES = {"rising": (1,), "falling": (-1,), "both": (1, -1)}
 # Numbers of bits of counters that are recognized when they wrap.
 _COUNTERS = (16, 24, 30, 31, 32)
 _ASK_UNIT = "say which it is: --unit s, ms, us, ns or a number of seconds"
@@ -36,8 +38,8 @@ class ArgumentError(ValueError):
 
 
 @dataclass(frozen=True)
-class Clock:
-    """How a file's times become those of the machine: (time - offset) * unit / rate."""
+class Options:
+    """How cells become events: times are (time - offset) * unit / rate, levels become edges."""
 
     unit: str | None = None  # s, ms, us, ns or a number of seconds; None: as the file states it
     offset: str = "0"  # in the file's unit, or as a date or a time of day
@@ -45,16 +47,44 @@ class Clock:
     counter_bits: int | None = None  # the times are a counter of so many bits that wraps
     day_first: bool | None = None  # of dates with slashes; None: as the dates show it
     any_order: bool = False  # times of single events may go back
+    # Of levels.
+    time: str | None = None  # column of their times; None: the only one that fits
+    threshold: float | None = None  # a level above it is high; None: 0.5, of levels 0 and 1
+    inverted: bool = False  # low while the contact is closed
+    impacts_at: str | None = None  # one of EDGES: these are impacts; None: contacts close and open
+    sample_rate: float | None = None  # of rows without times [1/s]
+    # Of contacts, in seconds of the machine.
+    debounce: float = 0.0
+    pulse_shorter_than: float = 0.0
+    duration: float = np.inf
 
     def __post_init__(self) -> None:
-        if self.unit is not None and seconds_of_unit(self.unit) is None:
-            raise ArgumentError(
-                f"unit {self.unit} is not allowed; must be s, ms, us, ns or a number of seconds > 0"
-            )
-        if self.counter_bits is not None and not 1 <= self.counter_bits <= 64:
-            raise ArgumentError("counter_bits must be from 1 to 64")
-        if not (self.rate > 0.0 and np.isfinite(self.rate)):
-            raise ArgumentError("rate must be > 0")
+        for holds, problem in [
+            (
+                self.unit is None or seconds_of_unit(self.unit),
+                f"unit {self.unit} is not allowed; "
+                "must be s, ms, us, ns or a number of seconds > 0",
+            ),
+            (
+                self.counter_bits is None or 1 <= self.counter_bits <= 64,
+                "counter_bits must be from 1 to 64",
+            ),
+            (0.0 < self.rate < np.inf, "rate must be > 0"),
+            (
+                self.impacts_at is None or self.impacts_at in EDGES,
+                f'impacts_at is "{self.impacts_at}"; must be "rising", "falling" or "both"',
+            ),
+            (
+                self.sample_rate is None or 0.0 < self.sample_rate < np.inf,
+                "sample_rate must be > 0",
+            ),
+            (
+                self.debounce >= 0.0 and self.pulse_shorter_than >= 0.0,
+                "debounce and pulse_shorter_than must be >= 0",
+            ),
+        ]:
+            if not holds:
+                raise ArgumentError(problem)
         self.origin()
 
     def origin(self) -> tuple[Decimal, str]:
@@ -73,18 +103,17 @@ class Clock:
 class TimeReader:
     """Reads the columns of times of a table, which have one unit."""
 
-    def __init__(self, table: Table, names: Sequence[str], clock: Clock) -> None:
+    def __init__(self, table: Table, names: Sequence[str], options: Options) -> None:
         """`names`: of the columns of times. Raises InputError if their unit is not known."""
         self._table = table
-        self._clock = clock
+        self._options = options
         self._unit = self._given_unit(names) or self._stated_unit(names)
-        self.of_clock = False  # some times are dates or times of day
 
     def _given_unit(self, names: Sequence[str]) -> Decimal | None:
-        given = _seconds(self._clock.unit)
+        given = seconds_of_unit(self._options.unit)
         for name in names if given else ():
             stated = self._table.unit(name)
-            if _seconds(stated) not in (None, given):
+            if seconds_of_unit(stated) not in (None, given):
                 self._table.doubts.append(
                     f"column '{name}' says {stated}; --unit says something else, and counts"
                 )
@@ -94,13 +123,13 @@ class TimeReader:
         units = {name: self._table.unit(name) for name in names}
         first = names[0]
         for name, unit in units.items():
-            if unit and not _seconds(unit):
+            if unit and not seconds_of_unit(unit):
                 raise InputError(f"column '{name}' is in {unit}; {_ASK_UNIT}")
-            if _seconds(unit) != _seconds(units[first]):
+            if seconds_of_unit(unit) != seconds_of_unit(units[first]):
                 raise InputError(
                     f"columns '{first}' and '{name}' do not say the same unit; {_ASK_UNIT}"
                 )
-        if stated := _seconds(units[first]):
+        if stated := seconds_of_unit(units[first]):
             self._table.remarks.append(f"times in {units[first]}, as column '{first}' says")
             return stated
         cells = [cell for name in names for cell in self._table.column(name)]
@@ -122,11 +151,12 @@ class TimeReader:
         holds: a capture has many more rows than edges.
         """
         cells, lines = self._table.column(name), self._table.lines
-        if needed is None or self._clock.counter_bits or not _ascend(cells):
-            return self._exact(name, cells, lines, single=needed is None)
+        rows = list(range(len(cells)))
+        if needed is not None and not self._options.counter_bits and _ascend(cells):
+            rows = np.flatnonzero(needed).tolist()
         t = np.full(len(cells), np.nan)
-        at = np.flatnonzero(needed)
-        t[at] = self._exact(name, [cells[i] for i in at], [lines[i] for i in at], single=False)
+        single = needed is None
+        t[rows] = self._exact(name, [cells[i] for i in rows], [lines[i] for i in rows], single)
         return t
 
     def _exact(self, name: str, cells: Sequence[str], lines: Sequence[int], single: bool) -> Floats:
@@ -138,8 +168,10 @@ class TimeReader:
             first = next(filter(None, cells))
             self._table.doubts.append(f"column {name}: {first} is read as minutes:seconds")
         if "clock" in kinds:
-            values = _continued(values, _DAY, start if self._clock.origin()[1] == "clock" else None)
-        if kinds == {"number"} and (bits := self._clock.counter_bits):
+            values = _continued(
+                values, _DAY, start if self._options.origin()[1] == "clock" else None
+            )
+        if kinds == {"number"} and (bits := self._options.counter_bits):
             for value in values:
                 if value is not None and not 0 <= value < 2**bits:
                     raise InputError(f"{value} is no count of a counter of {bits} bits")
@@ -150,12 +182,12 @@ class TimeReader:
             np.nan if value is None else float(EXACT.multiply(EXACT.subtract(value, start), unit))
             for value in values
         ]
-        return np.array(seconds, float) / self._clock.rate
+        return np.array(seconds, float) / self._options.rate
 
     def _moments(
         self, name: str, cells: Sequence[str], lines: Sequence[int]
     ) -> list[tuple[Decimal, str] | None]:
-        day_first = self._clock.day_first
+        day_first = self._options.day_first
         if day_first is None:
             day_first = shown_day_first(cells)
         moments, bad = [], []
@@ -177,26 +209,26 @@ class TimeReader:
 
     def _start(self, name: str, kinds: set[str]) -> Decimal:
         """The offset on the clock of the column. Raises InputError if it is on another one."""
-        start, of_start = self._clock.origin()
+        start, of_start = self._options.origin()
         if len(kinds) > 1 and kinds != {"minutes", "clock"}:
             raise InputError(
                 f"column {name} has times of different kinds: {', '.join(sorted(kinds))}"
             )
-        self.of_clock = self.of_clock or bool(kinds & {"clock", "date"})
+        self._table.of_clock |= bool(kinds & {"clock", "date"})
         problem = ""
         if "date" in kinds and of_start != "date":
             problem = "dates; give --offset with the date and time at t = 0"
         elif "clock" in kinds and of_start == "minutes":
             raise InputError(
-                f"--offset {self._clock.offset} has no seconds, and the times have hours; "
+                f"--offset {self._options.offset} has no seconds, and the times have hours; "
                 "give it as 12:34:00"
             )
         elif kinds & {"clock", "minutes"} and (
             of_start == "date" or (of_start == "clock" and "clock" not in kinds)
         ):
-            problem = f"no times like --offset {self._clock.offset}"
+            problem = f"no times like --offset {self._options.offset}"
         elif kinds == {"number"} and of_start in ("date", "clock", "minutes"):
-            problem = f"numbers; --offset must be one, too, not {self._clock.offset}"
+            problem = f"numbers; --offset must be one, too, not {self._options.offset}"
         if problem:
             raise InputError(f"column {name} has {problem}")
         in_unit = kinds == {"unit"} and of_start == "number"
@@ -228,7 +260,7 @@ class TimeReader:
                     f"; fractions have {min(digits)} to {max(digits)} digits: are they printed "
                     "without leading zeros?"
                 )
-            if single and self._clock.any_order:
+            if single and self._options.any_order:
                 self._table.doubts.append(f"{what} in line {lines[i]}; sorted")
                 return
             remedy = "; --any-order sorts the times of a column" if single else ""
@@ -239,10 +271,6 @@ def numbers(cells: Sequence[str]) -> Floats:
     """The numbers in cells, NaN where there is none."""
     read = [number(cell) if NUMBER.fullmatch(cell) else None for cell in cells]
     return np.array([np.nan if value is None else float(value) for value in read], float)
-
-
-def _seconds(unit: str | None) -> Decimal | None:
-    return seconds_of_unit(unit) if unit else None
 
 
 def _ascend(cells: Sequence[str]) -> bool:
@@ -270,18 +298,21 @@ def _continued(
 
 
 def _wrapped_at(last: Decimal, value: Decimal) -> int | None:
-    for bits in _COUNTERS:
-        size = Decimal(2) ** bits
-        if size * Decimal("0.95") < last < size and value < size / 2:
-            return bits
-    return None
+    sizes = [(bits, Decimal(2**bits)) for bits in _COUNTERS]
+    near = (bits for bits, size in sizes if last / size > Decimal("0.95") and value < size / 2)
+    return next((bits for bits in near if last < 2**bits), None)
 
 
-def time_column(table: Table, given: str | None) -> str:
-    """Name of the column with the times of the levels: the given one, or the only that fits."""
-    if given:
-        table.column(given)
-        return given
+def time_column(table: Table, options: Options) -> str | None:
+    """The column with the times of the levels: the given one, or the only one that fits.
+
+    None with a sample rate.
+    """
+    if options.sample_rate:
+        return None
+    if options.time:
+        table.column(options.time)
+        return options.time
     named = (
         [name for name in table.names if re.match(r"(time|zeit|temps|tiempo)", name, re.I)]
         or [name for name in table.names if re.fullmatch(r"t|x_value|x-axis|in s", name, re.I)]
@@ -301,18 +332,13 @@ def time_column(table: Table, given: str | None) -> str:
 
 
 def sample_times(
-    table: Table,
-    time: str | None,
-    sample_rate: float | None,
-    clock: Clock,
-    needed: npt.NDArray[np.bool_],
-) -> tuple[Floats, bool]:
-    """Times of all rows [s] as TimeReader.seconds(), and whether they are those of a clock.
+    table: Table, time: str | None, options: Options, needed: npt.NDArray[np.bool_]
+) -> Floats:
+    """Times of all rows [s] as TimeReader.seconds().
 
-    `time`: their column, as time_column() finds it; not used with `sample_rate`.
+    `time`: their column, as time_column() finds it; None with a sample rate.
     """
-    if sample_rate:
-        return np.arange(len(table.rows)) / (sample_rate * clock.rate), False
-    assert time is not None
-    reader = TimeReader(table, [time], clock)
-    return reader.seconds(time, needed), reader.of_clock
+    if time is None:
+        assert options.sample_rate
+        return np.arange(len(table.rows)) / (options.sample_rate * options.rate)
+    return TimeReader(table, [time], options).seconds(time, needed)
