@@ -20,19 +20,8 @@ import numpy.typing as npt
 
 from . import _command, tables
 from ._command import EXIT_DONE, EXIT_FAILED, Labelled, Parser, UsageError, Written, choose
-from ._drawing import (
-    FRAME,
-    RUN_COLOURS,
-    WIDTH,
-    legible,
-    logarithmic_ticks,
-    name_lines,
-    new_figure,
-    readable_unit,
-    style,
-    summary,
-    thin,
-)
+from ._drawing import FRAME, RUN_COLOURS, WIDTH, legible, logarithmic_ticks, name_lines
+from ._drawing import new_figure, readable_unit, style, summary, thin
 from ._errors import InputError
 from ._machine import Machine, machine_of, read_machine
 from .tables import Table
@@ -86,7 +75,8 @@ class Panels:
         self.colours = _colours(runs)
         self.closures: dict[int, tables.Closures] = {}
         for table in events:
-            self.closures.update(tables.closures(table.data, self.span[1]))
+            contacts = tables.contact_events(table.data)
+            self.closures.update(tables.closures(contacts, self.span[1]))
         self.gaps = [f"g{i + 1}" for i in range(machine.m)] if machine and self.states else []
         self.all = [*self._of_states(), *self._of_contacts()]
         if self.energies or self.bounds:
@@ -419,12 +409,24 @@ def draw(
         title: in place of the scene's name.
     """
     panels = Panels(runs, None if scene is None else machine_of(scene))
-    name = panels.machine.name if panels.machine is not None else ""
+    return _chosen_figure(panels, show, begin, end, zoom, title)[0]
+
+
+def _chosen_figure(
+    panels: Panels,
+    show: Sequence[str],
+    begin: float | None,
+    end: float | None,
+    zoom: Span | None,
+    title: str,
+) -> tuple[Figure, list[Panel], Span | None]:
+    """The figure that draw() returns, its panels, and the part of the time that they show."""
     span = within(panels.span, begin, end)
     chosen = panels.chosen(show)
     if zoom is None and begin is None and end is None:
         zoom = panels.zoom(chosen, span)
-    return figure_of(chosen, span, zoom=zoom, title=title or name)
+    name = panels.machine.name if panels.machine is not None else ""
+    return figure_of(chosen, span, zoom=zoom, title=title or name), chosen, zoom
 
 
 def within(span: Span, begin: float | None, end: float | None) -> Span:
@@ -646,21 +648,17 @@ def _runs_of_program(
     if not runs:
         raise UsageError("no CSV file is given")
     panels = Panels(runs, machine)
-    span = within(panels.span, options.begin, options.end)
-    chosen = panels.chosen(options.show)
-    zoom = options.zoom
-    if zoom is None and options.begin is None and options.end is None:
-        zoom = panels.zoom(chosen, span)
-        if zoom is not None:
-            print(
-                f"the motion is shown from {zoom[0]:g} to {zoom[1]:g} s, where it is legible; "
-                "--zoom FROM:TO shows another part, --from and --to all of one",
-                file=sys.stderr,
-            )
+    figure, chosen, zoom = _chosen_figure(
+        panels, options.show, options.begin, options.end, options.zoom, options.title
+    )
+    if zoom is not None and options.zoom is None:
+        print(
+            f"the motion is shown from {zoom[0]:g} to {zoom[1]:g} s, where it is legible; "
+            "--zoom FROM:TO shows another part, --from and --to all of one",
+            file=sys.stderr,
+        )
     if not options.show and (left_out := panels.left_out()):
         names = " ".join(map(_command.printable, left_out))
         print(f"not shown: {names}; --show NAME,... chooses", file=sys.stderr)
     report["panels"] = [panel.name for panel in chosen]
-    title = options.title or (machine.name if machine is not None else "")
-    figure = figure_of(chosen, span, zoom=zoom, title=title)
     return figure, [run.damage for run in runs if run.damage]

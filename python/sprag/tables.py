@@ -260,6 +260,21 @@ def columns(run: Any, scene: Any = None) -> dict[str, Numbers]:
     return all_columns
 
 
+def contact_events(rows: pd.DataFrame) -> pd.DataFrame:
+    """Events of the rows of an events or impacts file: t, contact and kind.
+
+    A pulse, two rows of an events file, is one event of the kind impact; others are closes and
+    opens.
+    """
+    if "closed" not in rows:
+        return rows[["t", "contact", "kind"]]
+    closes, following = rows["closed"] > 0.5, rows.groupby("contact").shift(-1)
+    impact = closes & (following["closed"] <= 0.5) & (following["t"] == rows["t"])
+    kinds = closes.map({True: "closes", False: "opens"}).mask(impact, "impact")
+    is_end = impact.groupby(rows["contact"]).shift(1, fill_value=False)
+    return rows[["t", "contact"]].assign(kind=kinds)[~is_end]
+
+
 @dataclass
 class Closures:
     """When a contact is closed: impacts, and stretches [from, to] of longer contact."""
@@ -275,19 +290,10 @@ class Closures:
 
 def closures(events: pd.DataFrame, end: float) -> dict[int, Closures]:
     """Closures of each contact by its number; a contact that stays closed does so up to `end`."""
-    result: dict[int, Closures] = {}
-    for contact, rows in events.groupby("contact"):
-        found = result.setdefault(int(contact), Closures([], []))
-        since: float | None = None
-        for t, closed in zip(rows["t"], rows["closed"]):
-            if closed > 0.5:
-                since = t
-            elif since == t:
-                found.impacts.append(t)
-                since = None
-            elif since is not None:
-                found.stretches.append((since, t))
-                since = None
-        if since is not None:
-            found.stretches.append((since, max(end, since)))
+    result = {}
+    for contact, own in events.groupby("contact"):
+        is_impact, closes = own["kind"] == "impact", own["kind"] == "closes"
+        until = own["t"][~is_impact].shift(-1, fill_value=end).clip(lower=own["t"])
+        stretches = zip(own["t"][closes], until[closes])
+        result[int(contact)] = Closures(list(own["t"][is_impact]), list(stretches))
     return result

@@ -20,75 +20,25 @@ LOADED = "performance.getEntriesByType('resource').map((entry) => entry.name)"
 class ReportTest(BrowserCase):
     def setUp(self):
         super().setUp()
-        for program, *arguments in (
+        rig = scene("two_stops_beam")
+        files = "events.csv machine.csv states.csv impacts.csv V.csv observer.json identify.json"
+        free = "contact.1.restitution,beam.damping,contact.2.clearance"
+        for program, arguments in (
             (
                 "MASTER_SIM",
-                scene("two_stops_beam"),
-                "--duration",
-                "3",
-                "--speed",
-                "max",
-                "--no-lcm",
-                "--events",
-                self.file("events.csv"),
-                "--states",
-                self.file("machine.csv"),
+                f"{rig} --duration 3 --speed max --no-lcm --events events.csv --states machine.csv",
             ),
             (
                 "OBSERVER",
-                scene("two_stops_beam"),
-                "--duration",
-                "3",
-                "--replay",
-                self.file("events.csv"),
-                "--states",
-                self.file("states.csv"),
-                "--impacts",
-                self.file("impacts.csv"),
-                "--report",
-                self.file("observer.json"),
+                f"{rig} --duration 3 --replay events.csv --states states.csv --impacts impacts.csv "
+                "--report observer.json",
             ),
-            (
-                "SYNC_LOGGER",
-                scene("two_stops_beam"),
-                "--truth",
-                self.file("machine.csv"),
-                "--estimate",
-                self.file("states.csv"),
-                "--csv",
-                self.file("V.csv"),
-            ),
-            (
-                "IDENTIFY",
-                self.file("events.csv"),
-                scene("two_stops_beam"),
-                "--free",
-                "contact.1.restitution,beam.damping,contact.2.clearance",
-                "--report",
-                self.file("identify.json"),
-            ),
-            (
-                "REPORT",
-                scene("two_stops_beam"),
-                "--output",
-                self.file("report.html"),
-                *(
-                    self.file(name)
-                    for name in (
-                        "events.csv",
-                        "machine.csv",
-                        "states.csv",
-                        "impacts.csv",
-                        "V.csv",
-                        "observer.json",
-                        "identify.json",
-                    )
-                ),
-            ),
+            ("SYNC_LOGGER", f"{rig} --truth machine.csv --estimate states.csv --csv V.csv"),
+            ("IDENTIFY", f"events.csv {rig} --free {free} --report identify.json"),
+            ("REPORT", f"{rig} --output report.html {files}"),
         ):
-            ended = subprocess.run(
-                [os.environ[program], *arguments], capture_output=True, text=True
-            )
+            command = [os.environ[program], *arguments.split()]
+            ended = subprocess.run(command, capture_output=True, text=True, cwd=self.folder)
             self.assertEqual(ended.returncode, 0, ended.stderr)
 
     def shown(self, width, height):

@@ -18,15 +18,8 @@ import pandas as pd
 from matplotlib.textpath import TextPath
 from sprag import report
 from sprag.report import page
-from sprag.report.analysis import (
-    FEWEST_RESIDUALS,
-    Events,
-    Residuals,
-    check_predictions,
-    consistency,
-    events_of,
-    innovations,
-)
+from sprag.report.analysis import FEWEST_RESIDUALS, check_predictions, consistency
+from sprag.report.analysis import innovations, normalized
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
 from sprag.report.pictures import MotionPictures, correlation_picture
@@ -40,10 +33,8 @@ needs_core = unittest.skipUnless(HAS_CORE, "the compiled part is not built")
 STATES = "k,t,q1,q2,u1,u2,B\n0,0,1,2,0,0,1\n1,8,1,2,0,0,1\n"
 
 
-def residuals(values) -> Residuals:
-    n = len(values)
-    ones = np.ones(n)
-    return Residuals(np.arange(float(n)), np.asarray(values, float), ones, ones.astype(int))
+def residuals(values) -> pd.DataFrame:
+    return pd.DataFrame({"t": range(len(values)), "value": values, "sigma": 1.0, "contact": 1})
 
 
 class FolderCase(FolderTest):
@@ -94,16 +85,6 @@ class NumbersTest(unittest.TestCase):
 
 
 class AnalysisTest(FolderCase):
-    def test_pulses_are_one_event(self):
-        events = events_of(
-            self.table("t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n2,1,1\n2,1,0\n3,2,0\n")
-        )
-        self.assertEqual(events.kind.tolist(), ["impact", "closes", "impact", "opens"])
-        self.assertEqual(events.contact.tolist(), [1, 2, 1, 2])
-        self.assertEqual(events.closings, 3)
-        events = events_of(self.table("t,contact,kind\n1,2,opens\n"))
-        self.assertEqual(events.kind.tolist(), ["opens"])
-
     def test_a_contact_that_stays_closed_is_closed_up_to_the_end(self):
         events = read_table(self.file("e.csv", "t,contact,closed\n1,1,1\n2,1,0\n4,1,1\n"))
         states = self.table("k,t,q1,u1\n0,0,0,0\n1,9,0,0\n")
@@ -122,9 +103,6 @@ class AnalysisTest(FolderCase):
             "t,contact,closed,note\n1,1,1,\n1,1,0,\n2,1,1,spurious\n2,1,0,spurious\n"
             "3,1,1,lost\n3,1,0,lost\n4,1,1,\n4,1,0,\n"
         )
-        events = events_of(table)
-        self.assertEqual(events.t.tolist(), [1.0, 4.0])
-        self.assertEqual(events.inserted, 2)
         section = measurement_section(Inputs("s.toml", "s", None, tables=[table]))
         self.assertIn("has 2 events from t = 1 s to 4 s", section.blocks[0])
         self.assertIn("2 rows marked as spurious are not counted", section.blocks[0])
@@ -139,10 +117,11 @@ class AnalysisTest(FolderCase):
                 "3,3,0,0,2.5,1,1,0\n"
             )
         )
-        self.assertEqual(found.t.tolist(), [0.5, 2.5])
-        self.assertEqual(found.contact.tolist(), [2, 1])
+        self.assertEqual(found["t"].tolist(), [0.5, 2.5])
+        self.assertEqual(found["contact"].tolist(), [2, 1])
         # Without a sigma there is no normalized one.
-        self.assertEqual(found.normalized().value.tolist(), [0.5])
+        self.assertEqual(normalized(found)["value"].tolist(), [0.5])
+        self.assertEqual(len(innovations(self.table("k,t,q1,u1\n0,0,0,0\n"))), 0)
 
     def test_predictions_are_compared_with_the_next_event(self):
         predictions = self.table(
@@ -154,16 +133,13 @@ class AnalysisTest(FolderCase):
             "3.5,5,4.5,1,opens,0.1\n"
             "5.5,6,5.9,1,impact,0.1\n"
         )
-        events = Events(
-            np.array([1.0, 2.0, 3.0, 4.0]),
-            np.array([1, 1, 2, 1]),
-            np.array(["impact", "closes", "impact", "opens"]),
-        )
+        events = pd.DataFrame({"t": [1.0, 2.0, 3.0, 4.0], "contact": [1, 1, 2, 1]})
+        events["kind"] = ["impact", "closes", "impact", "opens"]
         check = check_predictions(predictions, events, 0.4)
-        self.assertEqual((check.none, check.others, check.open_end), (1, 1, 1))
-        np.testing.assert_allclose(check.errors.value, [-0.1, -0.5])
-        np.testing.assert_allclose(check.errors.sigma[0], 0.5)  # with the jitter
-        self.assertEqual(check.errors.t.tolist(), [2.0, 4.0])
+        self.assertEqual((check.made, check.none, check.claimed), (5, 1, 3))
+        np.testing.assert_allclose(check.errors["value"], [-0.1, -0.5])
+        np.testing.assert_allclose(check.errors["sigma"].iloc[0], 0.5)  # with the jitter
+        self.assertEqual(check.errors["t"].tolist(), [2.0, 4.0])
 
     def test_velocities_are_by_contact_and_kind_with_right_medians(self):
         rows = [(1, "impact", v) for v in (-0.1, -0.2, -0.4, -0.5)]

@@ -93,11 +93,19 @@ class TablesTest(FolderTest):
         self.assertFalse(self.read("k,t,q1,u1,tip\n").is_estimate)
         self.assertFalse(self.read("k,t,V,B\n").is_estimate)
 
+    def test_pulses_are_one_event(self) -> None:
+        events = self.read("t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n2,1,1\n2,1,0\n3,2,0\n")
+        found = tables.contact_events(events.data)
+        self.assertEqual(found["kind"].tolist(), ["impact", "closes", "impact", "opens"])
+        self.assertEqual(found["contact"].tolist(), [1, 2, 1, 2])
+        for text in ("t,contact,closed\n", "t,contact,kind\n"):
+            self.assertEqual(len(tables.contact_events(self.read(text).data)), 0)
+
     def test_closures(self) -> None:
         events = self.read(
             "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n4.5,1,0\n5,1,1\n"
         )
-        found = tables.closures(events.data, 8.0)
+        found = tables.closures(tables.contact_events(events.data), 8.0)
         self.assertEqual(found[1].impacts, [1.0, 3.0])
         self.assertEqual(found[1].stretches, [(5.0, 8.0)])
         self.assertEqual(found[1].begins, [1.0, 3.0, 5.0])

@@ -1,81 +1,29 @@
 """Figures that a report computes from the tables of a run.
 
-Contacts are counted from 1, as in the files.
+Contacts are counted from 1, as in the files. Residuals are tables with the columns t [s], value
+(measured minus expected), sigma and contact; a sigma that is unknown is nan.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from ..tables import Table
+    import pandas as pd
 
-Numbers = npt.NDArray[np.float64]
+    from ..tables import Table
 
 FEWEST_RESIDUALS = 10
 
 
-@dataclass
-class Events:
-    """Events, one entry each: time [s], contact, and kind: impact, closes or opens."""
-
-    t: Numbers
-    contact: npt.NDArray[np.int64]
-    kind: npt.NDArray[np.str_]
-    inserted: int = 0  # rows that identify inserted, which are left out
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    @property
-    def closings(self) -> int:
-        """Number of impacts and closings."""
-        return int(np.count_nonzero(self.kind != "opens"))
-
-
-def events_of(table: Table) -> Events:
-    """Measured events of a table of events, whose pulses are two rows, or of impacts."""
-    data = table.data
-    if "closed" not in data:
-        kinds = data["kind"].to_numpy(str)
-        return Events(table.column("t"), table.column("contact").astype(np.int64), kinds)
-    measured = data[data["note"] != "lost"] if "note" in data else data
-    events: list[tuple[float, int, str]] = []
-    last: dict[float, int] = {}  # last event of each contact
-    for t, contact, closed in zip(measured["t"], measured["contact"], measured["closed"]):
-        before = last.get(contact)
-        if closed <= 0.5 and before is not None and events[before] == (t, contact, "closes"):
-            events[before] = (t, contact, "impact")
-        else:
-            last[contact] = len(events)
-            events.append((t, contact, "closes" if closed > 0.5 else "opens"))
-    t, contact, kind = zip(*events) if events else ((), (), ())
-    inserted = len(data) - len(measured)
-    return Events(np.array(t), np.array(contact, np.int64), np.array(kind, np.str_), inserted)
-
-
-@dataclass
-class Residuals:
-    """Measured minus expected values over time, with standard deviations; nan: unknown."""
-
-    t: Numbers
-    value: Numbers
-    sigma: Numbers
-    contact: npt.NDArray[np.int64]
-
-    def __len__(self) -> int:
-        return len(self.t)
-
-    def normalized(self) -> Residuals:
-        """value / sigma of those with a finite sigma > 0; all others are left out."""
-        has = np.isfinite(self.sigma) & (self.sigma > 0.0)
-        value = self.value[has] / self.sigma[has]
-        return Residuals(self.t[has], value, np.ones(len(value)), self.contact[has])
+def normalized(residuals: pd.DataFrame) -> pd.DataFrame:
+    """value / sigma of those with a finite sigma > 0; all others are left out."""
+    known = residuals[np.isfinite(residuals["sigma"]) & (residuals["sigma"] > 0.0)]
+    return known.assign(value=known["value"] / known["sigma"], sigma=1.0)
 
 
 @dataclass
@@ -97,9 +45,9 @@ class Consistency:
         return self.low <= self.mean_square <= self.high
 
 
-def consistency(normalized: Residuals) -> Consistency | None:
+def consistency(normalized: pd.DataFrame) -> Consistency | None:
     """The test of these residuals; None for less than FEWEST_RESIDUALS."""
-    z = normalized.value
+    z = normalized["value"].to_numpy()
     n = len(z)
     if n < FEWEST_RESIDUALS:
         return None
@@ -109,54 +57,42 @@ def consistency(normalized: Residuals) -> Consistency | None:
     return Consistency(n, float(np.mean(z**2)), low, high, within_two)
 
 
-def innovations(states: Table) -> Residuals:
+def innovations(states: Table) -> pd.DataFrame:
     """Gap of the filter just before each reported closing, which is 0 for a perfect estimate.
 
-    A states table has one closing for each tick; others are missing. Empty without a filter.
+    Residuals. A states table has one closing for each tick; others are missing. Without a filter
+    there are none.
     """
-    needed = ["closing_t", "closing_contact", "filter_gap", "sigma_filter_gap"]
-    if any(name not in states.data for name in needed):
-        nothing = np.zeros(0)
-        return Residuals(nothing, nothing, nothing, np.zeros(0, np.int64))
-    t, contact, gap, sigma = (states.column(name) for name in needed)
-    rows = np.flatnonzero((t >= 0.0) & np.isfinite(gap))
-    rows = rows[np.diff(t[rows], prepend=-1.0) != 0.0]
-    sigma = np.where(sigma[rows] > 0.0, sigma[rows], np.nan)
-    return Residuals(t[rows], gap[rows], sigma, contact[rows].astype(np.int64))
+    columns = {"closing_t": "t", "filter_gap": "value", "sigma_filter_gap": "sigma"}
+    columns["closing_contact"] = "contact"
+    found = states.data.reindex(columns=list(columns)).rename(columns=columns)
+    found = found[(found["t"] >= 0.0) & np.isfinite(found["value"])]
+    found = found[found["t"].diff() != 0.0]
+    return found.assign(sigma=found["sigma"].where(found["sigma"] > 0.0))
 
 
-@dataclass
-class PredictionCheck:
+class PredictionCheck(NamedTuple):
     """Measured minus predicted time of the next event, for each prediction."""
 
-    errors: Residuals  # of predictions of the contact that closed or opened next
-    none: int  # predictions that claim no event
-    others: int  # predictions of another contact than the next event's
-    open_end: int  # predictions after the last event
-
-    @property
-    def claimed(self) -> int:
-        """Predictions whose next event was measured."""
-        return len(self.errors) + self.others
+    errors: pd.DataFrame  # residuals of predictions of the contact that closed or opened next
+    made: int  # predictions
+    none: int  # those that claim no event
+    claimed: int  # those that claim an event before the last measured one
 
 
-def check_predictions(predictions: Table, events: Events, jitter: float) -> PredictionCheck:
+def check_predictions(predictions: Table, events: pd.DataFrame, jitter: float) -> PredictionCheck:
     """Compares each prediction's first event with the next measured one.
 
     jitter: standard deviation of reported times [s].
     """
     first = predictions.data.drop_duplicates("made_at")
     claims = first[np.isfinite(first["t"])]
-    order = np.maximum.accumulate(events.t) if len(events) else events.t
-    following = np.searchsorted(order, claims["made_at"].to_numpy(float), side="right")
-    measured = following < len(events)
-    claims, following = claims[measured], following[measured]
-    same = events.contact[following] == claims["contact"].to_numpy(float)
-    same &= (events.kind[following] == "opens") == (claims["kind"] == "opens").to_numpy()
-    t, contact = events.t[following[same]], events.contact[following[same]]
-    predicted, sigma = (claims[name].to_numpy(float)[same] for name in ("t", "sigma_t"))
-    errors = Residuals(t, t - predicted, np.hypot(sigma, jitter), contact)
-    none, others, open_end = (
-        int(np.count_nonzero(of)) for of in (~np.isfinite(first["t"]), ~same, ~measured)
-    )
-    return PredictionCheck(errors, none, others, open_end)
+    order = np.maximum.accumulate(events["t"].to_numpy())
+    following = np.searchsorted(order, claims["made_at"], side="right")
+    claimed = claims[following < len(events)].reset_index(drop=True)
+    next_events = events.iloc[following[following < len(events)]].reset_index(drop=True)
+    same = next_events["contact"] == claimed["contact"]
+    same &= (next_events["kind"] == "opens") == (claimed["kind"] == "opens")
+    error, sigma = next_events["t"] - claimed["t"], np.hypot(claimed["sigma_t"], jitter)
+    errors = next_events.assign(value=error, sigma=sigma)[same]
+    return PredictionCheck(errors, len(first), len(first) - len(claims), len(claimed))

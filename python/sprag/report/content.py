@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -87,7 +87,7 @@ def rounded_to(value: float, sigma: float) -> str:
     return rounded(value, min(max(digits, 2), 10))
 
 
-def scale(values: Sequence[float], unit: str) -> tuple[float, str]:
+def scale(values: Iterable[float], unit: str) -> tuple[float, str]:
     """Factor and unit for values, as in pictures: mm, µm, nm or pm for small ones in m."""
     finite = [abs(value) for value in values if math.isfinite(value)]
     return readable_unit(max(finite, default=0.0), unit)
@@ -99,8 +99,3 @@ def quantity(value: float | None, unit: str, digits: int = 4) -> str:
         return "not determined"
     factor, prefixed = scale([value], unit)
     return f"{rounded(factor * value, digits)} {prefixed}"
-
-
-def count(n: int, what: str) -> str:
-    """1 event, 2 events."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"

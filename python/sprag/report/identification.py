@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .analysis import Residuals, consistency
+from .._command import require
+from ..tables import MOST_CONTACTS
+from .analysis import consistency, normalized
 from .content import MOST_ROWS, Block, Grid, Section, Verdict, quantity, rounded
 from .content import rounded_to, scale
 from .inputs import at, count_at, list_at, number_at, numbers_at, text_at
@@ -15,8 +17,6 @@ from .pictures import Interval, correlation_picture, interval_picture, residual_
 
 if TYPE_CHECKING:
     from .inputs import JsonReport
-
-MOST_CONTACTS = 60
 
 
 def verdict_of_identification(report: JsonReport) -> Verdict:
@@ -179,22 +179,23 @@ def _facts(content: dict[str, Any]) -> Grid:
 
 def _residuals(content: dict[str, Any]) -> list[Block]:
     """Their picture and their test; none in a report of an older version."""
+    pd = require("pandas", "python3-pandas", "report")
     keys = ("t", "residual", "sigma", "contact")
-    rows = []
-    for row in zip(*(list_at(content, "residuals", key) for key in keys)):
-        numbers = numbers_at(list(row), 0, 1, 2, 3)
-        if numbers[3] in range(1, MOST_CONTACTS + 1) and math.isfinite(numbers[0] + numbers[1]):
-            rows.append(numbers)
-    if not rows:
+    rows = [
+        numbers_at(list(row), 0, 1, 2, 3)
+        for row in zip(*(list_at(content, "residuals", key) for key in keys))
+    ]
+    residuals = pd.DataFrame(rows, columns=["t", "value", "sigma", "contact"], dtype=float)
+    known = np.isfinite(residuals["t"] + residuals["value"])
+    residuals = residuals[known & residuals["contact"].isin(range(1, MOST_CONTACTS + 1))]
+    if not len(residuals):
         return []
-    t, value, sigma, contact = np.array(rows).T
-    residuals = Residuals(t, value, sigma, contact.astype(np.int64))
     caption = (
         "Residuals of the event times, with bars of ± 2 sigma of the jitter. Events that the fit "
         "leaves out are not among them."
     )
     picture = residual_picture(residuals, "Measured − fitted time", "s", caption)
-    test = consistency(residuals.normalized())
+    test = consistency(normalized(residuals))
     if test is None:
         return [picture]
     text = f"{rounded(100.0 * test.within_two, 3)} % of the {test.n} residuals are within 2 sigma. "

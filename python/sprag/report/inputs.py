@@ -16,10 +16,11 @@ import numpy as np
 from .._command import Labelled, UsageError, finite_number, is_scene, scene_file
 from .._errors import InputError
 from .._machine import Machine, machine_of, read_machine
-from ..tables import Kind, Table, read_table
-from .analysis import Events, events_of
+from ..tables import Kind, Table, contact_events, read_table
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from .._core import Scene
 
 ALLOWED = (
@@ -117,18 +118,20 @@ class Inputs:
         """Standard deviation of reported times by the scene [s]; nan if it is not known."""
         return self.scene.jitter if self.scene is not None else math.nan
 
-    def measured(self) -> Events | None:
+    def measured(self) -> pd.DataFrame | None:
         """The measured events: of the first events file, else of the first impacts file."""
         tables = self.of_kind("events") or self.of_kind("impacts")
-        return events_of(tables[0]) if tables else None
+        if not tables:
+            return None
+        rows = tables[0].data  # without those that identify inserted
+        return contact_events(rows[rows["note"] != "lost"] if "note" in rows else rows)
 
-    def measured_in_machine_time(self) -> Events | None:
+    def measured_in_machine_time(self) -> pd.DataFrame | None:
         """The same by the machine's clock, which all files but events have."""
         events = self.measured()
         if events is None or self.scene is None or not self.of_kind("events"):
             return events
-        t = np.array([self.scene.machine_time(t) for t in events.t], float)
-        return Events(t, events.contact, events.kind)
+        return events.assign(t=[self.scene.machine_time(t) for t in events["t"]])
 
     @property
     def end(self) -> float:

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .._command import counted
 from .._machine import squared_frequencies
-from .content import Grid, Section, count, facts, quantity, rounded, scale
+from .content import Grid, Section, facts, quantity, rounded, scale
 from .pictures import record_picture
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def _machine(scene: Scene) -> list[tuple[str, str]]:
     if beam is not None:
         damping, ratios = f"{rounded(beam.damping, 6)} N s/m²", beam.damping_ratio
         rows = [
-            ("machine", f"clamped-free Euler-Bernoulli beam, {count(beam.modes, 'mode')}"),
+            ("machine", f"clamped-free Euler-Bernoulli beam, {counted(beam.modes, 'mode')}"),
             ("length", quantity(beam.length, "m", 6)),
             ("bending stiffness EI", f"{rounded(beam.bending_stiffness, 6)} N m²"),
             ("mass per length", f"{rounded(beam.mass_per_length, 6)} kg/m"),

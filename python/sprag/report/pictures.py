@@ -19,8 +19,9 @@ from ..plot import MARKERS, Panels, Span, figure_of, within
 from .content import Picture, scale
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from .._core import Record
-    from .analysis import Residuals
     from .inputs import Inputs
 
 WIDTH = 4.4  # inches: its texts are legible on a phone, where it is half as wide as on a desktop
@@ -61,25 +62,23 @@ def picture_of(figure: Any, caption: str) -> Picture:
     return Picture(caption, f"<svg {viewbox[0]}>{inside}")
 
 
-def residual_picture(residuals: Residuals, title: str, unit: str, caption: str) -> Picture:
+def residual_picture(residuals: pd.DataFrame, title: str, unit: str, caption: str) -> Picture:
     """Residuals over time, a mark for each contact, with bars of 2 sigma.
 
     Without a unit they are divided by sigma, and the range of 2 sigma is shaded instead.
     """
-    factor, shown = scale(list(residuals.value), unit)
+    factor, shown = scale(residuals["value"], unit)
     with drawing(1.9, f"{title} [{shown}]" if shown else title) as axes:
         axes.axhline(0.0, **ZERO)
         if not unit:
             axes.axhspan(-2.0, 2.0, color=BLUE, alpha=0.1, linewidth=0.0)
-        contacts = np.unique(residuals.contact)
         look: dict[str, Any] = {"markersize": 2.5, "linewidth": 0.7}
-        for i, contact in enumerate(contacts):
-            of = residuals.contact == contact
-            t, y = residuals.t[of], factor * residuals.value[of]
-            sigma = np.where(np.isfinite(residuals.sigma[of]), residuals.sigma[of], 0.0)
-            bars = 2.0 * factor * sigma if unit else None
-            look |= {"fmt": MARKERS[i % len(MARKERS)], "label": f"contact {contact}"}
-            axes.errorbar(t, y, bars, color=RUN_COLOURS[(i + 1) % len(RUN_COLOURS)], **look)
+        contacts = residuals.groupby("contact")
+        for i, (contact, of) in enumerate(contacts):
+            bars = 2.0 * factor * of["sigma"].where(np.isfinite(of["sigma"]), 0.0) if unit else None
+            look |= {"fmt": MARKERS[i % len(MARKERS)], "label": f"contact {contact:g}"}
+            look |= {"color": RUN_COLOURS[(i + 1) % len(RUN_COLOURS)]}
+            axes.errorbar(of["t"], factor * of["value"], bars, **look)
         if len(contacts) > 1:
             above_right = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
             axes.legend(**above_right, **COMPACT)

@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .analysis import FEWEST_RESIDUALS, Events, check_predictions, consistency, innovations
-from .content import MOST_ROWS, Block, Grid, Section, Verdict, count, facts, quantity, rounded
+from .._command import counted
+from ..tables import Closures, closures
+from .analysis import FEWEST_RESIDUALS, check_predictions, consistency, innovations, normalized
+from .content import MOST_ROWS, Block, Grid, Section, Verdict, facts, quantity, rounded
 from .inputs import at, count_at, list_at, number_at, text_at
 from .pictures import MotionPictures, residual_picture
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ..tables import Table
     from .inputs import Inputs, ObserverRun
 
@@ -27,7 +31,7 @@ def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
     if failures is None:
         failures = _last(run.states, "inconsistencies")
     events = inputs.measured()
-    closings = "" if events is None else count(events.closings, "closing")
+    closings = "" if events is None else counted((events["kind"] != "opens").sum(), "closing")
     about, second = f"Observer, run {run.label}", _end(run)
     if failures is None:
         first = (
@@ -38,7 +42,7 @@ def verdict_of_run(run: ObserverRun, inputs: Inputs) -> Verdict:
     if failures <= 0.0:
         none = f"None of the {closings}" if closings else "No event"
         return Verdict(about, f"{none} contradicts the filter's estimate.", second, "good")
-    first = f"The filter's gate failed {count(int(failures), 'time')}"
+    first = f"The filter's gate failed {counted(int(failures), 'time')}"
     first += f" in {closings}" if closings else ""
     where = at(run.report, "confidence", "first_inconsistencies", 0)
     if where is not None:
@@ -97,28 +101,28 @@ def measurement_section(inputs: Inputs) -> Section:
         none = "The files contain no events: neither an events CSV nor an impacts CSV."
         section = Section("What was measured", [none])
     else:
-        contacts = int(events.contact.max(initial=0)) if inputs.scene is None else inputs.scene.m
-        blocks: list[Block] = [_extent(events, inputs), _counts(events, contacts, inputs.end)]
-        section = Section("What was measured", blocks)
+        section = Section("What was measured", [_extent(events, inputs), _counts(events, inputs)])
     for run in inputs.runs():
         if run.report is not None:
             section.blocks.append(_reception(run.label, run.report))
     return section
 
 
-def _extent(events: Events, inputs: Inputs) -> str:
+def _extent(events: pd.DataFrame, inputs: Inputs) -> str:
     text = (
         "The times at which contacts close and open; nothing else. The recording has "
-        f"{count(len(events), 'event')}"
+        f"{counted(len(events), 'event')}"
     )
     if len(events):
-        text += f" from t = {rounded(events.t[0], 6)} s to {rounded(events.t[-1], 6)} s"
+        first, last = events["t"].iloc[[0, -1]]
+        text += f" from t = {rounded(first, 6)} s to {rounded(last, 6)} s"
     text += "."
     tables = inputs.of_kind("events")
     if tables and tables[0].spurious:
-        text += f" {count(tables[0].spurious, 'row')} marked as spurious are not counted."
-    if events.inserted:
-        inserted = count(events.inserted, "row")
+        text += f" {counted(tables[0].spurious, 'row')} marked as spurious are not counted."
+    notes = tables[0].data.get("note") if tables else None
+    if notes is not None and (notes == "lost").any():
+        inserted = counted((notes == "lost").sum(), "row")
         text += f" {inserted} that identify inserted for lost events are not counted."
     inferred = sum(int(count_at(run.report, "made_up_events") or 0) for run in inputs.runs())
     if inferred and not tables:
@@ -129,22 +133,18 @@ def _extent(events: Events, inputs: Inputs) -> str:
     return text
 
 
-def _counts(events: Events, contacts: int, end: float) -> Grid:
+def _counts(events: pd.DataFrame, inputs: Inputs) -> Grid:
     head = ["contact", "impacts", "sustained contacts", "time closed [s]", "first [s]", "last [s]"]
     grid = Grid("Contact events", head)
-    for contact in range(1, max(contacts, int(events.contact.max(initial=0))) + 1):
-        own = events.contact == contact
-        t, kind = events.t[own], events.kind[own]
-        closed, since = 0.0, math.nan
-        for time, what in [*zip(t, kind), (end, "opens")]:
-            if what == "closes":
-                since = time
-            elif what == "opens":
-                closed += max(np.nan_to_num(time - since), 0.0)
-                since = math.nan
-        impacts, closings = (np.count_nonzero(kind == what) for what in ("impact", "closes"))
-        ends = [rounded(t[0], 6), rounded(t[-1], 6)] if len(t) else ["", ""]
-        grid.rows.append([str(contact), str(impacts), str(closings), rounded(closed), *ends])
+    of_contacts = closures(events, inputs.end)
+    contacts = 0 if inputs.scene is None else inputs.scene.m
+    for contact in range(1, max([contacts, *of_contacts]) + 1):
+        own = of_contacts.get(contact, Closures([], []))
+        closed = sum(end - begin for begin, end in own.stretches)
+        t = events["t"][events["contact"] == contact]
+        ends = [rounded(time, 6) for time in t.iloc[[0, -1]]] if len(t) else ["", ""]
+        counts = [str(contact), str(len(own.impacts)), str(len(own.stretches))]
+        grid.rows.append([*counts, rounded(closed), *ends])
     return grid
 
 
@@ -180,7 +180,7 @@ def residuals_section(inputs: Inputs) -> Section | None:
 
 
 def _innovations(states: Table, jitter: float) -> list[Block]:
-    unit = innovations(states).normalized()
+    unit = normalized(innovations(states))
     if len(unit) == 0:
         return []
     caption = (
@@ -219,16 +219,16 @@ def _predictions(inputs: Inputs) -> list[Block]:
     for table in tables:
         assert events is not None
         check = check_predictions(table, events, float(np.nan_to_num(inputs.jitter)))
-        made = check.claimed + check.none + check.open_end
         text = (
-            f"Of {count(made, 'prediction')} {check.none} claim no event. Of the {check.claimed} "
-            f"whose next event was measured, {len(check.errors)} have the right contact."
+            f"Of {counted(check.made, 'prediction')} {check.none} claim no event. Of the "
+            f"{check.claimed} whose next event was measured, {len(check.errors)} have the right "
+            "contact."
         )
         if len(check.errors):
             caption = "Next event after each prediction: measured minus predicted time, with bars "
             title = "Measured − predicted time"
             blocks.append(residual_picture(check.errors, title, "s", f"{caption}of ± 2 sigma."))
-        if test := consistency(check.errors.normalized()):
+        if test := consistency(normalized(check.errors)):
             text += (
                 f" {rounded(100.0 * test.within_two, 3)} % of the measured times are within 2 "
                 "sigma of the predicted ones."
@@ -353,7 +353,7 @@ def provenance_section(inputs: Inputs) -> Section:
         content = {"energy": "V"}.get(table.kind, str(table.kind))
         if table.kind == "states":
             content += " of an estimate" if table.is_estimate else " of a machine"
-        content += f", {count(len(table.data), 'row')}"
+        content += f", {counted(len(table.data), 'row')}"
         if table.spurious:
             content += f", {table.spurious} marked as spurious and left out"
         files.rows.append([str(table.file), content, table.damage or "none"])
