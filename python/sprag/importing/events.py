@@ -54,18 +54,14 @@ class Columns:
                         f"{counted(contacts, 'contact')}, counted from 1"
                     )
         for contact, of in roles.items():
-            for contradiction, what in [
-                (
-                    "impacts" in of and of & {"on", "off"},
-                    "--impacts and --on or --off; must be either",
-                ),
-                (
-                    "level" in of and len(of) > 1,
-                    "--level and --impacts, --on or --off; must be either",
-                ),
-                (of == {"on"}, "--on without --off"),
-                (of == {"off"}, "--off without --on"),
-            ]:
+            for what, contradiction in {
+                "--impacts and --on or --off; must be either": "impacts" in of
+                and {"on", "off"} & of,
+                "--level and --impacts, --on or --off; must be either": "level" in of
+                and len(of) > 1,
+                "--on without --off": of == {"on"},
+                "--off without --on": of == {"off"},
+            }.items():
                 if contradiction:
                     raise ArgumentError(f"contact {contact} has {what}")
 

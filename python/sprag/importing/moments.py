@@ -76,8 +76,10 @@ def unit_in_name(name: str) -> str | None:
 
 def seconds_of_unit(unit: str | None) -> Decimal | None:
     """Seconds of a unit or of a number of seconds > 0; None for any other text."""
-    if unit is None or (known := _time_unit(unit)) is not None:
-        return known if unit else None
+    if unit is None:
+        return None
+    if (known := _time_unit(unit)) is not None:
+        return known
     value = number(unit) if NUMBER.fullmatch(unit) and "," not in unit else None
     return value if value is not None and value > 0 else None
 

@@ -12,6 +12,8 @@ import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from typing import IO, Any
 
+import numpy as np
+
 from .. import _command
 from .._command import EXIT_DONE, Parser, Read, SceneFile, UsageError, Written
 from .._command import count, finite, names, positive, printable
@@ -21,9 +23,8 @@ from .events import Columns, Imported, import_table
 from .formats import located, read_file
 from .hints import find_batches, hints_at_bounces
 from .moments import moment, seconds_of_unit
-from .record import read_signal, write_record
 from .tables import SEPARATORS, Table
-from .times import EDGES, ArgumentError, Options
+from .times import EDGES, ArgumentError, Options, read_signal
 
 DESCRIPTION = """\
 Turns columns of time stamps or levels into contact events for observer --replay, or with --record
@@ -183,8 +184,11 @@ def _record(options: argparse.Namespace) -> int:
         raise UsageError(f"--output is {options.output}; a record must end in .csv")
     with _table(options) as table:
         t, values = read_signal(table, options.record, _given(options))
+    name = options.record.replace(",", " ").replace(";", " ").replace('"', "")
     with _csv(options.output) as stream:
-        write_record(stream, options.record, t, values)
+        np.savetxt(
+            stream, np.column_stack([t, values]), "%.17g", ",", header=f"t [s],{name}", comments=""
+        )
     return EXIT_DONE
 
 

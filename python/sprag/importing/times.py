@@ -59,30 +59,20 @@ class Options:
     duration: float = np.inf
 
     def __post_init__(self) -> None:
-        for holds, problem in [
-            (
-                self.unit is None or seconds_of_unit(self.unit),
-                f"unit {self.unit} is not allowed; "
-                "must be s, ms, us, ns or a number of seconds > 0",
+        units = "must be s, ms, us, ns or a number of seconds > 0"
+        for problem, holds in {
+            f"unit {self.unit} is not allowed; {units}": self.unit is None
+            or seconds_of_unit(self.unit),
+            "counter_bits must be from 1 to 64": self.counter_bits in (None, *range(1, 65)),
+            "rate must be > 0": 0.0 < self.rate < np.inf,
+            f'impacts_at is "{self.impacts_at}"; must be "rising", "falling" or "both"': (
+                self.impacts_at in (None, *EDGES)
             ),
-            (
-                self.counter_bits is None or 1 <= self.counter_bits <= 64,
-                "counter_bits must be from 1 to 64",
+            "sample_rate must be > 0": self.sample_rate is None or 0.0 < self.sample_rate < np.inf,
+            "debounce and pulse_shorter_than must be >= 0": (
+                self.debounce >= 0.0 and self.pulse_shorter_than >= 0.0
             ),
-            (0.0 < self.rate < np.inf, "rate must be > 0"),
-            (
-                self.impacts_at is None or self.impacts_at in EDGES,
-                f'impacts_at is "{self.impacts_at}"; must be "rising", "falling" or "both"',
-            ),
-            (
-                self.sample_rate is None or 0.0 < self.sample_rate < np.inf,
-                "sample_rate must be > 0",
-            ),
-            (
-                self.debounce >= 0.0 and self.pulse_shorter_than >= 0.0,
-                "debounce and pulse_shorter_than must be >= 0",
-            ),
-        ]:
+        }.items():
             if not holds:
                 raise ArgumentError(problem)
         self.origin()
@@ -342,3 +332,21 @@ def sample_times(
         assert options.sample_rate
         return np.arange(len(table.rows)) / (options.sample_rate * options.rate)
     return TimeReader(table, [time], options).seconds(time, needed)
+
+
+def read_signal(table: Table, name: str, options: Options) -> tuple[Floats, Floats]:
+    """Times [s] and values, in the column's unit, of all rows. Raises InputError for a gap."""
+    cells = table.column(name)
+    time = time_column(table, options)
+    if time == name:
+        raise InputError(f"the column '{name}' is the time; the signal must be another")
+    t = sample_times(table, time, options, np.ones(len(cells), bool))
+    values = numbers(cells)
+    gap = "a gap in a record cannot be interpolated"
+    for what, of in ("value", values), ("time", t):
+        if len(at := np.flatnonzero(np.isnan(of))):
+            cell = f" ({cells[at[0]]!r})" if cells[at[0]] else ""
+            raise InputError(f"{table.lines[at[0]]}: a sample has no {what}{cell}; {gap}")
+    if table.problems:
+        raise InputError(f"{table.problems[0]}; {gap}")
+    return t, values
