@@ -223,9 +223,8 @@ class _Ink:
         self.count = np.zeros((self.height, self.width))
         self.pixels = {line: self._pixels(axes, line) for line in axes.lines}
         for pixels in self.pixels.values():
-            covered = np.zeros(self.count.shape, bool)
-            covered[pixels[:, 1], pixels[:, 0]] = True
-            self.count += covered
+            across, up = np.unique(pixels, axis=0).T
+            self.count[up, across] += 1.0
 
     def _pixels(self, axes: Axes, line: Line2D) -> Pixels:
         """Pixels of a line, of shape (n, 2)."""
@@ -256,11 +255,7 @@ class _Ink:
 
     def sums(self) -> Numbers:
         """Sum of the ink left of and below each corner of a pixel."""
-        total = np.zeros((self.height + 1, self.width + 1))
-        inner = total[1:, 1:]
-        np.cumsum(self.count, axis=0, out=inner)
-        np.cumsum(inner, axis=1, out=inner)
-        return total
+        return np.pad(self.count.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
 
 def _name(axes: Axes, line: Line2D, ink: _Ink) -> list[Any]:

@@ -165,11 +165,12 @@ class _Picture:
         return [name for name in every if name != "attractor"][:2]
 
     def _columns_of(self, quantity: str) -> list[str]:
-        """Its column, or one for each estimator."""
-        if quantity in self.rows:
-            return [quantity]
-        of_estimators = [f"{estimator}.{quantity}" for estimator in ESTIMATORS]
-        return [column for column in of_estimators if column in self.rows]
+        """Its column, or one for each estimator, with known values; of an attractor its period."""
+        columns = [quantity, *(f"{estimator}.{quantity}" for estimator in ESTIMATORS)]
+        if quantity == "attractor":
+            columns = ["attractor.period"]
+        present = [column for column in columns if column in self.rows]
+        return [column for column in present if np.isfinite(self._medians(column)).any()]
 
     def _of_stroboscope(self, name: str) -> bool:
         return "n" in self.rows and name[:1] in ("q", "u") and name[1:].isdigit()
@@ -180,7 +181,7 @@ class _Picture:
     # --- over one key ---
 
     def _lines(self, title: str) -> Figure:
-        shown = [name for name in self.quantities if self._is_known(name)]
+        shown = [name for name in self.quantities if self._columns_of(name)]
         if not shown:
             raise InputError("there is nothing to show in this study")
         figure = new_figure(0.75 * WIDTH, 0.6 + 1.9 * len(shown), title)
@@ -200,27 +201,19 @@ class _Picture:
         figure.set_layout_engine("none")
         return figure
 
-    def _is_known(self, quantity: str) -> bool:
-        return any(np.isfinite(self._known(c)[c]).any() for c in self._line_columns(quantity))
-
     def _known(self, column: str) -> pd.DataFrame:
         """Rows with finite keys and a value in this column."""
         rows = self.rows if self._of_stroboscope(column) else self.once
         return rows[np.isfinite(rows[self.keys]).all(axis=1) & rows[column].notna()]
 
-    def _line_columns(self, quantity: str) -> list[str]:
-        return ["attractor.period"] if quantity == "attractor" else self._columns_of(quantity)
-
     def _median_and_band(self, axes: Axes, quantity: str) -> None:
         shown = []
-        for column in self._line_columns(quantity):
+        for column in self._columns_of(quantity):
             runs = self._known(column).groupby(self.keys[0])[column]
             values = [np.sort(of_key.to_numpy()) for _, of_key in runs]
             x = np.array([key for key, _ in runs])
             quantiles = np.array([[_quantile(v, p) for p in (0.05, 0.5, 0.95)] for v in values])
             low, median, high = quantiles.reshape(-1, 3).T
-            if not np.isfinite(median).any():
-                continue
             estimator = column.partition(".")[0]
             look: dict[str, Any] = {"color": ESTIMATORS.get(estimator, "black"), "ms": 2}
             if max(map(len, values)) > 1:
@@ -237,7 +230,7 @@ class _Picture:
     # --- over two keys ---
 
     def _maps(self, title: str) -> Figure:
-        columns = [(q, c) for q in self.quantities for c in self._map_columns(q)]
+        columns = [(q, c) for q in self.quantities for c in self._columns_of(q)]
         if not columns:
             raise InputError("there is nothing to show in this study")
         across = min(2, len(columns))
@@ -248,7 +241,7 @@ class _Picture:
         for axes in panels.flat[len(columns) :]:
             axes.remove()
         for axes, (quantity, column) in zip(panels.flat, columns):
-            axes.set_title(_title(column))
+            axes.set_title(_title("attractor" if quantity == "attractor" else column))
             axes.grid(False)
             if quantity == "attractor":
                 self._basin(axes)
@@ -264,16 +257,10 @@ class _Picture:
         figure.set_layout_engine("none")
         return figure
 
-    def _map_columns(self, quantity: str) -> list[str]:
-        if quantity == "attractor":
-            period = "attractor.period"
-            return [quantity] if period in self.rows and len(self._known(period)) else []
-        return [c for c in self._columns_of(quantity) if np.isfinite(self._medians(c)).any()]
-
     def _medians(self, column: str) -> pd.Series[Any]:
-        runs_of = self._known(column).groupby(self.keys)[column]
-        medians = {key: _quantile(np.sort(runs.to_numpy()), 0.5) for key, runs in runs_of}
-        return type(self.rows[column])(medians, dtype=float)
+        keys = self.keys if len(self.keys) > 1 else self.keys[0]
+        runs_of = self._known(column).groupby(keys)[column]
+        return runs_of.agg(lambda runs: _quantile(np.sort(runs.to_numpy()), 0.5))
 
     def _map(self, axes: Axes, column: str, together: Sequence[str]) -> None:
         """The median as a colour, with the same colours for all estimators."""
