@@ -23,18 +23,23 @@ from sprag.report.analysis import innovations, normalized
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
 from sprag.report.pictures import MotionPictures, correlation_picture
-from sprag.report.run import certainty_section, impacts_section, measurement_section
+from sprag.report.run import certainty_blocks, impacts_blocks, measurement_blocks
 from sprag.tables import read_table
 from support import SOURCE, FolderTest
 
 LAB_RIG = str(SOURCE / "scenes" / "lab_rig.toml")
 HAS_CORE = importlib.util.find_spec("sprag._core") is not None
 needs_core = unittest.skipUnless(HAS_CORE, "the compiled part is not built")
+WHOLE = (-np.inf, np.inf)  # s
 STATES = "k,t,q1,q2,u1,u2,B\n0,0,1,2,0,0,1\n1,8,1,2,0,0,1\n"
 
 
 def residuals(values) -> pd.DataFrame:
     return pd.DataFrame({"t": range(len(values)), "value": values, "sigma": 1.0, "contact": 1})
+
+
+def inputs_of(*tables) -> Inputs:
+    return Inputs("s.toml", "s", None, tables=[*tables])
 
 
 class FolderCase(FolderTest):
@@ -64,12 +69,8 @@ class NumbersTest(unittest.TestCase):
             self.assertEqual(rounded_to(value, sigma), text)
 
     def test_small_numbers_have_prefixes(self):
-        self.assertEqual(quantity(1.2e-4, "s"), "0.12 ms")
-        self.assertEqual(quantity(2e-5, "s"), "20 µs")
         self.assertEqual(quantity(-0.05, "m"), "-50 mm")
-        self.assertEqual(quantity(0.7, "m"), "0.7 m")
         self.assertEqual(quantity(0.0, "s"), "0 s")
-        self.assertEqual(quantity(1e-3, "N m²"), "0.001 N m²")
         self.assertEqual(quantity(None, "s"), "not determined")
         self.assertEqual(quantity(1.6e-4, "rad"), "0.16 mrad", "as in pictures")
 
@@ -88,8 +89,8 @@ class AnalysisTest(FolderCase):
     def test_a_contact_that_stays_closed_is_closed_up_to_the_end(self):
         events = read_table(self.file("e.csv", "t,contact,closed\n1,1,1\n2,1,0\n4,1,1\n"))
         states = self.table("k,t,q1,u1\n0,0,0,0\n1,9,0,0\n")
-        section = measurement_section(Inputs("s.toml", "s", None, tables=[states, events]))
-        self.assertEqual(section.blocks[1].rows, [["1", "0", "2", "6", "1", "4"]])
+        _, grid = measurement_blocks(inputs_of(states, events))
+        self.assertEqual(grid.rows, [["1", "0", "2", "6", "1", "4"]])
 
     def test_labels_of_correlations_are_within_the_picture(self):
         label = "beam.bending_stiffness"
@@ -103,11 +104,11 @@ class AnalysisTest(FolderCase):
             "t,contact,closed,note\n1,1,1,\n1,1,0,\n2,1,1,spurious\n2,1,0,spurious\n"
             "3,1,1,lost\n3,1,0,lost\n4,1,1,\n4,1,0,\n"
         )
-        section = measurement_section(Inputs("s.toml", "s", None, tables=[table]))
-        self.assertIn("has 2 events from t = 1 s to 4 s", section.blocks[0])
-        self.assertIn("2 rows marked as spurious are not counted", section.blocks[0])
-        self.assertIn("2 rows that identify inserted for lost events", section.blocks[0])
-        self.assertEqual(section.blocks[1].rows, [["1", "2", "0", "0", "1", "4"]])
+        text, grid = measurement_blocks(inputs_of(table))
+        self.assertIn("has 2 events from t = 1 s to 4 s", text)
+        self.assertIn("2 rows marked as spurious are not counted", text)
+        self.assertIn("2 rows that identify inserted for lost events", text)
+        self.assertEqual(grid.rows, [["1", "2", "0", "0", "1", "4"]])
 
     def test_innovations_are_those_of_each_reported_closing(self):
         found = innovations(
@@ -148,12 +149,10 @@ class AnalysisTest(FolderCase):
         text += ",sigma_velocity_after,impulse\n"
         for t, (contact, kind, v) in enumerate(rows):
             text += f"{t},{contact},{kind},{v},0.01,{-0.5 * v},0.01,{-v}\n"
-        inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
-        picture, grid = impacts_section(inputs, (-np.inf, np.inf)).blocks
+        picture, grid = impacts_blocks(inputs_of(self.table(text)), WHOLE)
         self.assertNotIn("infinite", picture.caption)
         text += "9,2,impact,-1,inf,0,inf,0\n"
-        inputs = Inputs("s.toml", "s", None, tables=[self.table(text)])
-        picture = impacts_section(inputs, (-np.inf, np.inf)).blocks[0]
+        picture, _ = impacts_blocks(inputs_of(self.table(text)), WHOLE)
         self.assertIn("An infinite sigma has no bar.", picture.caption)
         self.assertEqual(grid.head[3:5], ["median speed", "largest speed"])
         shown = [row[:6] for row in grid.rows]
@@ -167,19 +166,15 @@ class AnalysisTest(FolderCase):
             t = np.linspace(0.0, 100.0, 20 * periods)
             rows = enumerate(zip(t, np.sin(2 * np.pi * periods * t / 100.0)))
             table = self.table("k,t,q1\n" + "".join(f"{k},{x},{y}\n" for k, (x, y) in rows))
-            inputs = Inputs("s.toml", "s", None, tables=[table])
-            (picture,) = MotionPictures(inputs, (-np.inf, np.inf)).of_motion()
+            (picture,) = MotionPictures(inputs_of(table), WHOLE).of_motion()
             self.assertIn(part or "Coordinates and outputs.", picture.caption)
             self.assertEqual("Only" in picture.caption, part is not None)
 
     def test_an_infinite_bound_has_no_row(self):
         none = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,inf\n")
-        inputs = Inputs("s.toml", "s", None, tables=[none])
-        self.assertIsNone(certainty_section(inputs, (-np.inf, np.inf)))
+        self.assertEqual(certainty_blocks(inputs_of(none), WHOLE), [])
         late = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,0.25\n")
-        grid = certainty_section(
-            Inputs("s.toml", "s", None, tables=[late]), (-np.inf, np.inf)
-        ).blocks[-1]
+        *_, grid = certainty_blocks(inputs_of(late), WHOLE)
         self.assertEqual(grid.rows, [["B", "table", "none", "0", "0.25 J", "1"]])
 
 
@@ -193,12 +188,9 @@ class RunTest(FolderCase):
         jitter = 2e-5
         scene = cls.of_run("scene.toml")
         Path(scene).write_text(Path(LAB_RIG).read_text() + f"\n[events]\njitter = {jitter}\n")
-        span = ("--duration", "30", "--tick", "0.01")
-        cls.ended(
-            "MASTER_SIM",
-            *(scene, *span, "--speed", "max", "--no-lcm"),
-            *("--events", cls.of_run("exact.csv"), "--states", cls.of_run("machine.csv")),
-        )
+        rig = "scene.toml --duration 30 --tick 0.01"
+        files = "--events exact.csv --states machine.csv"
+        cls.ended("MASTER_SIM", f"{rig} --speed max --no-lcm {files}")
         draw = random.Random(11)
         rows = ["t,contact,closed"]
         error = 0.0
@@ -208,18 +200,11 @@ class RunTest(FolderCase):
                 error = draw.gauss(0.0, jitter)  # a pulse, which takes two rows, has one error
             rows.append(f"{float(t) + error:.12f},{contact},{closed}")
         Path(cls.of_run("events.csv")).write_text("\n".join(rows) + "\n")
-        cls.ended(
-            "OBSERVER",
-            *(scene, "--replay", cls.of_run("events.csv"), *span),
-            *("--states", cls.of_run("states.csv"), "--impacts", cls.of_run("impacts.csv")),
-            *("--predict", "0.5", "--predictions", cls.of_run("predictions.csv")),
-            *("--report", cls.of_run("observer.json")),
-        )
-        cls.ended(
-            "SYNC_LOGGER",
-            *(scene, "--truth", cls.of_run("machine.csv"), "--estimate", cls.of_run("states.csv")),
-            *("--csv", cls.of_run("V.csv")),
-        )
+        files = "--states states.csv --impacts impacts.csv --predictions predictions.csv"
+        report = "--report observer.json"
+        cls.ended("OBSERVER", f"{rig} --replay events.csv --predict 0.5 {files} {report}")
+        files = "--truth machine.csv --estimate states.csv --csv V.csv"
+        cls.ended("SYNC_LOGGER", f"scene.toml {files}")
         names = "events states impacts predictions machine V".split()
         cls.files = [scene, *(cls.of_run(f"{n}.csv") for n in names), cls.of_run("observer.json")]
 
@@ -228,8 +213,10 @@ class RunTest(FolderCase):
         return str(cls.recorded / name)
 
     @classmethod
-    def ended(cls, program: str, *arguments: str) -> str:
-        done = subprocess.run([os.environ[program], *arguments], capture_output=True, text=True)
+    def ended(cls, program: str, arguments: str) -> str:
+        """Runs a program in the folder of the run."""
+        command = [os.environ[program], *arguments.split()]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=cls.recorded)
         assert done.returncode == 0, done.stderr
         return done.stdout
 
@@ -256,16 +243,11 @@ class RunTest(FolderCase):
         self.assertEqual(self.report(*self.files, "--report", "own.json"), "")
         html = self.page()
         self.check_self_contained(html)
-        titles = [
-            "Machine and scene",
-            "What was measured",
-            "Motion",
-            "Predicted and measured events",
-            "Impact velocities",
-            "Error energy V and bound B",
-            "Inconsistencies",
-            "Files, versions and command lines",
-        ]
+        titles = (
+            "Machine and scene; What was measured; Motion; Predicted and measured events; "
+            "Impact velocities; Error energy V and bound B; Inconsistencies; "
+            "Files, versions and command lines"
+        ).split("; ")
         self.assertEqual(re.findall("<h2>(.*?)</h2>", html), titles)
         self.assertEqual(json.loads(Path(self.path("own.json")).read_text())["sections"], titles)
         self.assertIn("general system M, C, K", html)
@@ -284,7 +266,7 @@ class RunTest(FolderCase):
         impacts = pd.read_csv(self.of_run("impacts.csv"))
         fastest = impacts["velocity_before"].abs().max()
         self.assertIn(rounded(fastest), html)
-        self.assertIn(f"sprag observer {self.files[0]} --replay ", html)
+        self.assertIn("sprag observer scene.toml --duration 30 --tick 0.01 --replay ", html)
         self.assertIn("innovations are within 2 sigma", html)
         self.assertIn("Sigma passes this test.", html)
         # The same files give the same page; the function returns it, too.
@@ -309,16 +291,10 @@ class RunTest(FolderCase):
         nominal = Path(self.files[0]).read_text()
         scene = self.path("wrong.toml")
         Path(scene).write_text(nominal.replace("restitution = 0.6", "restitution = 0.55"))
-        options = [
-            self.of_run("events.csv"),
-            scene,
-            "--free",
-            "impact.restitution,system.K,system.C",
-        ]
-        with_report = self.path("identify.json")
-        as_json = self.path("json.json")
-        self.ended("IDENTIFY", *options, "--report", with_report)
-        Path(as_json).write_text(self.ended("IDENTIFY", *options, "--json"))
+        options = f"events.csv {scene} --free impact.restitution,system.K,system.C"
+        with_report, as_json = self.path("identify.json"), self.path("json.json")
+        self.ended("IDENTIFY", f"{options} --report {with_report}")
+        Path(as_json).write_text(self.ended("IDENTIFY", f"{options} --json"))
         for file in (with_report, as_json):
             html = page([scene, self.of_run("events.csv"), file])
             self.check_self_contained(html)
@@ -349,19 +325,10 @@ class RunTest(FolderCase):
 
 class ProgramTest(FolderCase):
     def test_refused_identification_has_its_reason(self):
-        content = {
-            "program": "identify",
-            "version": "9",
-            "scene": "other",
-            "verdict": "the events do not fit",
-            "fits": False,
-            "problem": "wrong_model",
-            "reason": "They scatter.",
-            "parameters": [],
-            "missing": [{"t": 3.25, "contact": 1}],
-            "exit": 3,
-        }
-        self.report(LAB_RIG, self.file("i.json", json.dumps(content)))
+        text = """{"program": "identify", "version": "9", "scene": "other", "fits": false,
+            "verdict": "the events do not fit", "problem": "wrong_model", "reason": "They scatter.",
+            "exit": 3, "parameters": [], "missing": [{"t": 3.25, "contact": 1}]}"""
+        self.report(LAB_RIG, self.file("i.json", text))
         html = self.page()
         self.assertIn('class="verdict bad"', html)
         self.assertIn("<strong>The events do not fit.</strong> They scatter.", html)
@@ -370,20 +337,11 @@ class ProgramTest(FolderCase):
         self.assertIn("3.25", html)
 
     def test_inconsistencies_are_listed_with_their_times(self):
-        first = {
-            "t": 4.75,
-            "contact": 1,
-            "suspicion": "missing event",
-            "known_loss": True,
-            "square_over_variance": 123.0,
-        }
-        content = {
-            "program": "observer",
-            "settled_tick": 10,
-            "confidence": {"inconsistencies": 7, "first_inconsistencies": [first]},
+        text = """{"program": "observer", "settled_tick": 10,
             "degraded": [{"from": 4.5, "to": 4.875}],
-        }
-        self.report(LAB_RIG, self.file("o.json", json.dumps(content)))
+            "confidence": {"inconsistencies": 7, "first_inconsistencies": [{"t": 4.75, "contact": 1,
+            "suspicion": "missing event", "known_loss": true, "square_over_variance": 123}]}}"""
+        self.report(LAB_RIG, self.file("o.json", text))
         html = self.page()
         self.assertIn("gate failed 7 times, first at t = 4.75 s, contact 1", html)
         self.assertIn('<td class="number">4.75</td>', html)
@@ -425,14 +383,10 @@ class ProgramTest(FolderCase):
             "parameters": [{**fitted, **ends}, {**fitted, "parameter": "b"}],
             "correlations": [[1.0, 0.5], [0.5, 1.0]],
         }
+        first = [{"t": 1.0, "contact": 1, "suspicion": evil}]
         observed = {
-            "program": "observer",
-            "version": evil,
-            "skipped": {evil: 3},
-            "confidence": {
-                "inconsistencies": 2,
-                "first_inconsistencies": [{"t": 1.0, "contact": 1, "suspicion": evil}],
-            },
+            **{"program": "observer", "version": evil, "skipped": {evil: 3}},
+            "confidence": {"inconsistencies": 2, "first_inconsistencies": first},
         }
         i = self.file("i.json", json.dumps(identified))
         o = self.file("<img src=x onerror=alert(1)>.json", json.dumps(observed))

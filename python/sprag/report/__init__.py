@@ -80,7 +80,7 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
     begin = -math.inf if options.begin is None else options.begin
     end = math.inf if options.end is None else options.end
     document = make_document(inputs, options.title, (begin, end))
-    report["sections"] = [section.title for section in document.sections]
+    report["sections"] = [section for section, _ in document.sections]
     if inputs.damage:
         report["damage"] = inputs.damage
     html = page_of(document)

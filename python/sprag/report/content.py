@@ -41,14 +41,6 @@ Block = str | Grid | Picture
 
 
 @dataclass
-class Section:
-    """A title with paragraphs, tables and pictures."""
-
-    title: str
-    blocks: list[Block] = field(default_factory=list)
-
-
-@dataclass
 class Verdict:
     """Two sentences about a program and its run."""
 
@@ -64,7 +56,7 @@ class Document:
 
     title: str
     verdicts: list[Verdict]
-    sections: list[Section]
+    sections: list[tuple[str, list[Block]]]  # titles with paragraphs, tables and pictures
 
 
 def facts(caption: str, *pairs: tuple[str, str]) -> Grid:

@@ -12,19 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from .._command import printable, require
 from .._version import __version__
-from .content import Document, Section, Verdict
-from .identification import identification_section, verdict_of_identification
-from .machine import machine_section
+from .content import Block, Document, Verdict
+from .identification import identification_blocks, verdict_of_identification
+from .machine import machine_blocks
 from .pictures import MotionPictures
-from .run import (
-    certainty_section,
-    impacts_section,
-    inconsistencies_section,
-    measurement_section,
-    provenance_section,
-    residuals_section,
-    verdict_of_run,
-)
+from .run import certainty_blocks, impacts_blocks, inconsistencies_blocks, measurement_blocks
+from .run import provenance_blocks, residuals_blocks, verdict_of_run
 
 if TYPE_CHECKING:
     from .content import Picture
@@ -42,19 +35,19 @@ def make_document(inputs: Inputs, title: str, span: tuple[float, float]) -> Docu
             "files."
         )
         verdicts = [Verdict("Verdict", "Not determined.", none)]
-    motion = [*MotionPictures(inputs, span).of_motion()] if inputs.of_kind("states") else []
-    sections = [
-        machine_section(inputs),
-        measurement_section(inputs),
-        *(identification_section(report, inputs.scene_name) for report in fits),
-        Section("Motion", [*motion]) if inputs.of_kind("states") else None,
-        residuals_section(inputs),
-        impacts_section(inputs, span),
-        certainty_section(inputs, span),
-        inconsistencies_section(inputs),
-        provenance_section(inputs),
+    motion = MotionPictures(inputs, span).of_motion() if inputs.of_kind("states") else []
+    sections: list[tuple[str, list[Block]]] = [
+        ("Machine and scene", machine_blocks(inputs)),
+        ("What was measured", measurement_blocks(inputs)),
+        *(("Identification", identification_blocks(fit, inputs.scene_name)) for fit in fits),
+        ("Motion", [*motion]),
+        ("Predicted and measured events", residuals_blocks(inputs)),
+        ("Impact velocities", impacts_blocks(inputs, span)),
+        ("Error energy V and bound B", certainty_blocks(inputs, span)),
+        ("Inconsistencies", inconsistencies_blocks(inputs)),
+        ("Files, versions and command lines", provenance_blocks(inputs)),
     ]
-    present = [section for section in sections if section is not None]
+    present = [(name, blocks) for name, blocks in sections if blocks]
     return Document(title or inputs.scene_name, verdicts, present)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from .._command import require
 from ..tables import MOST_CONTACTS
 from .analysis import consistency, normalized
-from .content import MOST_ROWS, Block, Grid, Section, Verdict, quantity, rounded
+from .content import MOST_ROWS, Block, Grid, Verdict, quantity, rounded
 from .content import rounded_to, scale
 from .inputs import at, count_at, list_at, number_at, numbers_at, text_at
 from .pictures import Interval, correlation_picture, interval_picture, residual_picture
@@ -46,7 +46,7 @@ def verdict_of_identification(report: JsonReport) -> Verdict:
     return Verdict(f"Identification, {report.file}", first, second, "good" if fits else "bad")
 
 
-def identification_section(report: JsonReport, scene_name: str) -> Section:
+def identification_blocks(report: JsonReport, scene_name: str) -> list[Block]:
     """Parameters, their intervals and correlations, the residuals, lost and spurious events."""
     content = report.content
     blocks: list[Block] = []
@@ -55,19 +55,20 @@ def identification_section(report: JsonReport, scene_name: str) -> Section:
         blocks.append(
             f"The identification was of the scene {name}, this report shows the scene {scene_name}."
         )
+    parameters, intervals = _parameters(content)
     if list_at(content, "parameters"):
-        blocks.append(_parameters(content))
+        blocks.append(parameters)
     if list_at(content, "others"):
         blocks.append(
             "Other values of the parameters fit the events as well: the result is ambiguous."
         )
-    if intervals := _intervals(content):
+    if intervals:
         blocks.append(interval_picture(intervals))
     blocks.append(_facts(content))
-    rows, parameters = list_at(content, "correlations"), list_at(content, "parameters")
-    known = [i for i in range(min(len(rows), len(parameters))) if number_at(rows, i, i) is not None]
+    rows, of = list_at(content, "correlations"), list_at(content, "parameters")
+    known = [i for i in range(min(len(rows), len(of))) if number_at(rows, i, i) is not None]
     if len(known) > 1:
-        names = [text_at(parameters, i, "parameter") for i in known]
+        names = [text_at(of, i, "parameter") for i in known]
         correlations = np.array([numbers_at(rows[i], *known) for i in known])
         blocks.append(correlation_picture(names, correlations))
     blocks += _residuals(content)
@@ -80,57 +81,42 @@ def identification_section(report: JsonReport, scene_name: str) -> Section:
             t = rounded(number_at(event, "t"), 8)
             events.rows.append([t, count_at(event, "contact"), what])
     del events.rows[MOST_ROWS:]
-    return Section("Identification", [*blocks, events] if events.rows else blocks)
+    return [*blocks, events] if events.rows else blocks
 
 
-def _unit(parameter: Any) -> str:
-    return text_at(parameter, "unit").replace("^2", "²")
-
-
-def _parameters(content: dict[str, Any]) -> Grid:
+def _parameters(content: dict[str, Any]) -> tuple[Grid, list[Interval]]:
+    """A table of the parameters, and the intervals of those that are determined."""
     grid = Grid(
         "Parameters: value of the scene, fitted value, standard deviation, 95 % interval",
         ["parameter", "scene", "fitted", "sigma", "95 % interval", "change"],
     )
+    intervals = []
     for of in list_at(content, "parameters"):
+        name, unit = text_at(of, "parameter"), text_at(of, "unit").replace("^2", "²")
         numbers = numbers_at(of, "nominal", "value", "sigma", "low", "high")
-        factor, unit = scale(numbers[:2], _unit(of))
-        nominal, value, sigma, low, high = (factor * number for number in numbers)
-        row = [text_at(of, "parameter") + (f" [{unit}]" if unit else ""), rounded(nominal, 6)]
+        numbers += numbers_at(at(of, "range"), 0, 1)
+        factor, unit = scale(numbers[:2], unit)
+        nominal, value, sigma, low, high, least, most = (factor * number for number in numbers)
+        row = [f"{name} [{unit}]" if unit else name, rounded(nominal, 6)]
         grid.rows.append(row)
         if at(of, "determined") is not True or math.isnan(value):
             row += ["not determined", "", "", ""]
             continue
         width = high - low if math.isnan(sigma) else sigma
-        row.append(rounded_to(value, width))
-        row.append("at a physical bound" if math.isnan(sigma) else rounded(sigma, 2))
+        fitted = rounded_to(value, width)
+        row += [fitted, "at a physical bound" if math.isnan(sigma) else rounded(sigma, 2)]
         row.append(f"[{rounded_to(low, width)}, {rounded_to(high, width)}]")
-        if math.isnan(nominal):
-            row.append("")
-        elif nominal == 0.0:
-            row.append(rounded(value, 3))
-        else:
-            row.append(f"{rounded(100.0 * (value - nominal) / abs(nominal), 3)} %")
+        change = rounded(value, 3)
+        if nominal != 0.0:
+            change = f"{rounded(100.0 * (value - nominal) / abs(nominal), 3)} %"
+        row.append("" if math.isnan(nominal) else change)
+        if not math.isnan(nominal + value + low + high + least + most):
+            ends = [max(abs(end - nominal), 1e-300) for end in (least, most)]
+            in_range = [(x - nominal) / ends[x >= nominal] for x in (value, low, high)]
+            intervals.append(Interval(name, f"{fitted} {unit}".rstrip(), *in_range))
     if held := text_at(content, "held"):
         grid.rows.append([held, "", "held: it sets the scale", "", "", ""])
-    return grid
-
-
-def _intervals(content: dict[str, Any]) -> list[Interval]:
-    intervals = []
-    for of in list_at(content, "parameters"):
-        sigma, *numbers = numbers_at(of, "sigma", "nominal", "value", "low", "high")
-        numbers += numbers_at(at(of, "range"), 0, 1)
-        if at(of, "determined") is not True or math.isnan(sum(numbers)):
-            continue
-        nominal, value, low, high, least, most = numbers
-        ends = [max(abs(end - nominal), 1e-300) for end in (least, most)]
-        in_range = [(x - nominal) / ends[x >= nominal] for x in (value, low, high)]
-        factor, unit = scale([value], _unit(of))
-        width = factor * (high - low if math.isnan(sigma) else sigma)
-        text = f"{rounded_to(factor * value, width)} {unit}".rstrip()
-        intervals.append(Interval(text_at(of, "parameter"), text, *in_range))
-    return intervals
+    return grid, intervals
 
 
 def _facts(content: dict[str, Any]) -> Grid:

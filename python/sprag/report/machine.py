@@ -10,7 +10,7 @@ import numpy as np
 
 from .._command import counted
 from .._machine import squared_frequencies
-from .content import Grid, Section, facts, quantity, rounded, scale
+from .content import Block, Grid, facts, quantity, rounded, scale
 from .pictures import record_picture
 
 if TYPE_CHECKING:
@@ -20,21 +20,17 @@ if TYPE_CHECKING:
 MOST_LISTED = 8
 
 
-def machine_section(inputs: Inputs) -> Section:
+def machine_blocks(inputs: Inputs) -> list[Block]:
     """What the scene says about the machine, its contacts and the observer's prior."""
-    section = Section("Machine and scene")
     scene = inputs.scene
     if scene is None:
-        section.blocks.append(
+        return [
             "The compiled part of the Python package is not installed. So this page leaves out "
             "the rows about the machine, its contacts, its excitation and the prior."
-        )
-        return section
-    section.blocks.append(facts(f"Scene {scene.name}", *_machine(scene), *_prior(scene)))
-    section.blocks.append(_contacts(scene))
-    section.blocks += [record_picture(record) for record in scene.records]
-    section.blocks += inputs.remarks
-    return section
+        ]
+    records = [record_picture(record) for record in scene.records]
+    of_scene = facts(f"Scene {scene.name}", *_machine(scene), *_prior(scene))
+    return [of_scene, _contacts(scene), *records, *inputs.remarks]
 
 
 def _machine(scene: Scene) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ import numpy as np
 from .._command import counted
 from ..tables import Closures, closures
 from .analysis import FEWEST_RESIDUALS, check_predictions, consistency, innovations, normalized
-from .content import MOST_ROWS, Block, Grid, Section, Verdict, facts, quantity, rounded
+from .content import MOST_ROWS, Block, Grid, Verdict, facts, quantity, rounded
 from .inputs import at, count_at, list_at, number_at, text_at
 from .pictures import MotionPictures, residual_picture
 
@@ -94,18 +94,16 @@ def _end(run: ObserverRun) -> str:
     return f"{at_end}the filter gives a standard deviation of {largest} for the {gap}, and {known}."
 
 
-def measurement_section(inputs: Inputs) -> Section:
+def measurement_blocks(inputs: Inputs) -> list[Block]:
     """Numbers and times of the measured events, and what the observer received."""
     events = inputs.measured()
+    blocks: list[Block] = []
     if events is None:
-        none = "The files contain no events: neither an events CSV nor an impacts CSV."
-        section = Section("What was measured", [none])
+        blocks.append("The files contain no events: neither an events CSV nor an impacts CSV.")
     else:
-        section = Section("What was measured", [_extent(events, inputs), _counts(events, inputs)])
-    for run in inputs.runs():
-        if run.report is not None:
-            section.blocks.append(_reception(run.label, run.report))
-    return section
+        blocks += [_extent(events, inputs), _counts(events, inputs)]
+    reports = [(run.label, run.report) for run in inputs.runs() if run.report is not None]
+    return blocks + [_reception(label, report) for label, report in reports]
 
 
 def _extent(events: pd.DataFrame, inputs: Inputs) -> str:
@@ -169,14 +167,11 @@ def _reception(label: str, report: dict[str, Any]) -> Grid:
     )
 
 
-def residuals_section(inputs: Inputs) -> Section | None:
+def residuals_blocks(inputs: Inputs) -> list[Block]:
     """Innovations and predictions."""
-    section = Section("Predicted and measured events")
-    for run in inputs.runs():
-        if run.states is not None:
-            section.blocks += _innovations(run.states, inputs.jitter)
-    section.blocks += _predictions(inputs)
-    return section if section.blocks else None
+    states = [run.states for run in inputs.runs() if run.states is not None]
+    of_runs = [block for of in states for block in _innovations(of, inputs.jitter)]
+    return of_runs + _predictions(inputs)
 
 
 def _innovations(states: Table, jitter: float) -> list[Block]:
@@ -237,24 +232,21 @@ def _predictions(inputs: Inputs) -> list[Block]:
     return blocks
 
 
-def impacts_section(inputs: Inputs, span: Span) -> Section | None:
+def impacts_blocks(inputs: Inputs, span: Span) -> list[Block]:
     """Velocities over time, and by contact and kind."""
     tables = inputs.of_kind("impacts")
     if not tables:
-        return None
-    section = Section("Impact velocities")
+        return []
     columns = ["velocity_before", "velocity_after"]
     with_velocity = [table for table in tables if columns[0] in table.data]
+    first: Block = "The impacts files have no event with a velocity."
     if any(np.isfinite(table.column(columns[0])).any() for table in with_velocity):
         caption = "Gap velocity before and after each event, with bars of ± 2 sigma."
         sigmas = [table.data.get(f"sigma_{name}", 0.0) for table in tables for name in columns]
         if any(np.isinf(sigma).any() for sigma in sigmas):
             caption += " An infinite sigma has no bar."
-        section.blocks.append(MotionPictures(inputs, span).of_panels(columns, caption))
-    else:
-        section.blocks.append("The impacts files have no event with a velocity.")
-    section.blocks += [grid for table in tables if (grid := _speeds(table)).rows]
-    return section
+        first = MotionPictures(inputs, span).of_panels(columns, caption)
+    return [first, *(grid for table in tables if (grid := _speeds(table)).rows)]
 
 
 def _speeds(impacts: Table) -> Grid:
@@ -275,9 +267,8 @@ def _speeds(impacts: Table) -> Grid:
     return grid
 
 
-def certainty_section(inputs: Inputs, span: Span) -> Section | None:
+def certainty_blocks(inputs: Inputs, span: Span) -> list[Block]:
     """V, and the bound B where it is finite."""
-    section = Section("Error energy V and bound B")
     head = ["quantity", "run", "first", AT, "last", AT]
     grid = Grid("First and last value", head)
     drawn = False
@@ -291,27 +282,25 @@ def certainty_section(inputs: Inputs, span: Span) -> Section | None:
             grid.rows.append([name, table.label, *first, *last])
             drawn |= bool((np.isfinite(y) & (y > 0.0)).any())
     if not grid.rows:
-        return None
+        return []
+    blocks: list[Block] = []
     if drawn:
         caption = "V compares the estimate with a simulated machine. B bounds V of the replica."
-        section.blocks.append(MotionPictures(inputs, span).of_panels(["V"], caption))
+        blocks.append(MotionPictures(inputs, span).of_panels(["V"], caption))
     else:
-        section.blocks.append("No value of V or B is positive, so there is no picture.")
+        blocks.append("No value of V or B is positive, so there is no picture.")
     if not inputs.of_kind("energy"):
-        section.blocks.append(
+        blocks.append(
             "V is not determined: the true state is not among the files. It is known of a "
             "simulated machine only."
         )
-    section.blocks.append(grid)
-    return section
+    return [*blocks, grid]
 
 
-def inconsistencies_section(inputs: Inputs) -> Section | None:
+def inconsistencies_blocks(inputs: Inputs) -> list[Block]:
     """Events that failed the filter's gate, and intervals in which events may be missing."""
-    section = Section("Inconsistencies")
     runs = [run for run in inputs.runs() if run.report is not None]
-    for run in runs:
-        section.blocks += _failures(run)
+    blocks = [block for run in runs for block in _failures(run)]
     for run in runs:
         missing = f"Intervals of the run {run.label} in which events may be missing"
         grid = Grid(missing, ["from [s]", "to [s]"])
@@ -319,8 +308,8 @@ def inconsistencies_section(inputs: Inputs) -> Section | None:
             end = number_at(gap, "to")
             last = "the end" if end is None else rounded(end, 8)
             grid.rows.append([rounded(number_at(gap, "from"), 8), last])
-        section.blocks += [grid] if grid.rows else []
-    return section if section.blocks else None
+        blocks += [grid] if grid.rows else []
+    return blocks
 
 
 def _failures(run: ObserverRun) -> list[Block]:
@@ -345,7 +334,7 @@ def _failures(run: ObserverRun) -> list[Block]:
     return blocks
 
 
-def provenance_section(inputs: Inputs) -> Section:
+def provenance_blocks(inputs: Inputs) -> list[Block]:
     """Files, and the programs that wrote them as far as they say so."""
     files = Grid("Files of this report", ["file", "content", "damage"])
     files.rows.append([inputs.scene_file, "scene", "none"])
@@ -364,8 +353,5 @@ def provenance_section(inputs: Inputs) -> Section:
         words = [shlex.quote(w) for w in list_at(report.content, "command") if isinstance(w, str)]
         command = " ".join(["sprag", report.program, *words]) if words else "not in the report"
         programs.rows.append([report.program, version, count_at(report.content, "exit"), command])
-    blocks: list[Block] = [files, programs] if programs.rows else [files]
-    blocks.append(
-        "CSV files have no version and no command line. --report of each program writes both."
-    )
-    return Section("Files, versions and command lines", blocks)
+    note = "CSV files have no version and no command line. --report of each program writes both."
+    return [files, programs, note] if programs.rows else [files, note]
