@@ -98,18 +98,11 @@ class DrawingTest(unittest.TestCase):
 
     def test_units_are_readable(self):
         for largest, unit, expected in [
-            (0.2, "m", (1.0, "m")),
-            (0.02, "m", (1e3, "mm")),
-            (2e-4, "m/s", (1e3, "mm/s")),
-            (2e-5, "m", (1e6, "µm")),
-            (2e-8, "m", (1e9, "nm")),
-            (2e-15, "m", (1e12, "pm")),
-            (0.0, "m", (1.0, "m")),
-            (math.inf, "m", (1.0, "m")),
-            (1e-5, "N s", (1.0, "N s")),
-            (1e-5, "mm", (1.0, "mm")),
-            (1e-5, "", (1.0, "")),
-        ]:
+            (0.2, "m", (1.0, "m")), (0.02, "m", (1e3, "mm")), (2e-4, "m/s", (1e3, "mm/s")),
+            (2e-5, "m", (1e6, "µm")), (2e-8, "m", (1e9, "nm")), (2e-15, "m", (1e12, "pm")),
+            (0.0, "m", (1.0, "m")), (math.inf, "m", (1.0, "m")), (1e-5, "N s", (1.0, "N s")),
+            (1e-5, "mm", (1.0, "mm")), (1e-5, "", (1.0, "")),
+        ]:  # fmt: skip
             self.assertEqual(_drawing.readable_unit(largest, unit), expected)
 
     def test_run_colours_differ_in_grey(self):
@@ -121,14 +114,6 @@ class DrawingTest(unittest.TestCase):
 
 
 class RunsTest(Files):
-    def test_curves_are_the_columns_of_the_file(self):
-        figure = self.figure(self.table(STATES))
-        line = lines(panel(figure, "q1"))["run"]
-        self.assertEqual(line.get_xdata().tolist(), [0.0, 8.0])
-        self.assertEqual(line.get_ydata().tolist(), [1.0, 3.0])
-        self.assertEqual(line.get_color(), "black")
-        self.assertEqual(panel(figure, "q1").get_xlim(), (0.0, 8.0))
-
     def test_gaps_with_bands_of_two_sigma(self):
         states = self.table(
             "k,t,q1,u1,sigma_g1\n0,0,0.01,2,0.001\n1,1,0.03,4,inf\n2,2,0.02,4,0.002\n"
@@ -273,20 +258,6 @@ class RunsTest(Files):
         )
         low, high = self.figure(wide).axes[0].get_ylim()
         self.assertTrue(2.0 < low and high < 5.0, "bars may leave the range")
-
-    def test_panels_beyond_four_are_left_out(self):
-        names = [f"q{i}" for i in range(1, 8)]
-        table = self.table(
-            "k,t," + ",".join(names) + "\n0,0" + ",1" * 7 + "\n1,1" + ",2" * 7 + "\n"
-        )
-        panels = plot.Panels([table])
-        self.assertEqual([p.name for p in panels.chosen([])], names[:4])
-        self.assertEqual(panels.left_out(), names[4:])
-        self.assertEqual([p.name for p in panels.chosen(["q7", "q1"])], ["q7", "q1"])
-        with self.assertRaisesRegex(
-            UsageError, "g1 is nothing that these files show; choose q1, q2"
-        ):
-            panels.chosen(["g1"])
 
     def test_a_constant_curve_is_centred(self):
         table = self.table("k,t,q1,u1,still,zero\n0,0,1,0,-0.7,0\n1,3,2,0,-0.7,0\n")
