@@ -171,11 +171,6 @@ def printable(text: str) -> str:
     return "".join(_escaped(character) for character in text)
 
 
-def printable_lines(text: str) -> str:
-    """The same for a text of several lines: line breaks stay."""
-    return "\n".join(printable(line) for line in text.split("\n"))
-
-
 def _escaped(character: str) -> str:
     code = ord(character)
     if 0xDC80 <= code <= 0xDCFF:  # a byte that is not valid UTF-8, by surrogateescape
@@ -354,8 +349,8 @@ def standard_output() -> Iterator[TextIO]:
 def _write_report(program: str, file: str, report: dict[str, Any]) -> bool:
     try:
         with written(file) as temporary:
-            text = json.dumps(report, indent=2, ensure_ascii=False)
-            temporary.write_text(printable_lines(text) + "\n", encoding="utf-8")
+            lines = json.dumps(report, indent=2, ensure_ascii=False).split("\n")
+            temporary.write_text("\n".join(map(printable, lines)) + "\n", encoding="utf-8")
     except OSError as error:
         say(program, str(error))
         return False

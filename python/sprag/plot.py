@@ -503,7 +503,8 @@ def states(
 
     >>> sprag.plot.states({"machine": run, "filter": estimates}, scene).savefig("run.png")
     """
-    named = runs if isinstance(runs, Mapping) else {_kind_of(runs): runs}
+    kind = "estimate" if hasattr(runs, "sigma_q") else "machine"
+    named = runs if isinstance(runs, Mapping) else {kind: runs}
     drawn = [_table("states", name, tables.columns(run, scene)) for name, run in named.items()]
     if events is not None:
         drawn.append(_table("events", "events", _edges(events)))
@@ -516,10 +517,6 @@ def states(
     if V is not None:
         drawn.append(_table("energy", label, _energies(V, drawn[0].column("t"))))
     return draw(drawn, scene, show=show, begin=begin, end=end, zoom=zoom, title=title)
-
-
-def _kind_of(run: Any) -> str:
-    return "estimate" if hasattr(run, "sigma_q") else "machine"
 
 
 def _table(kind: tables.Kind, label: str, columns: Mapping[str, Any]) -> Table:

@@ -93,10 +93,14 @@ def read_table(file: str | Path, label: str = "") -> Table:
     whole, damage = _whole_rows(lines, len(header))
     data = _numbers(b"".join(lines[1 : whole + 1]), header)
     if kind in ("events", "impacts", "predictions"):
-        bad = _first_bad_contact(data, kind)
-        if bad is not None:
-            contact = _fields(lines[bad + 1])[header.index("contact")]
-            damage = f"{bad + 2}: contact {contact}; must be a whole number in 1 to {MOST_CONTACTS}"
+        contact = data["contact"]
+        good = contact.between(1, MOST_CONTACTS) & (contact % 1 == 0)
+        if kind == "predictions":  # one without an event has no contact
+            good |= contact.isna()
+        if not good.all():
+            bad = int(good.to_numpy().argmin())
+            given = _fields(lines[bad + 1])[header.index("contact")]
+            damage = f"{bad + 2}: contact {given}; must be a whole number in 1 to {MOST_CONTACTS}"
             data = data.iloc[:bad]
     table = Table(kind, label or path.stem, data, path, f"{path}:{damage}" if damage else "")
     if kind == "events" and "note" in data:
@@ -141,14 +145,6 @@ def _numbers(rows: bytes, header: Sequence[str]) -> pd.DataFrame:
             data[i] = pd.to_numeric(data[i], errors="coerce").astype(float)
     columns = pd.Index(header)
     return data.set_axis(columns, axis=1).loc[:, ~columns.duplicated()]
-
-
-def _first_bad_contact(data: pd.DataFrame, kind: Kind) -> int | None:
-    contact = data["contact"]
-    good = (contact >= 1) & (contact <= MOST_CONTACTS) & (contact % 1 == 0)
-    if kind == "predictions":  # one without an event has no contact
-        good |= contact.isna()
-    return None if good.all() else int((~good).to_numpy().argmax())
 
 
 @dataclass
