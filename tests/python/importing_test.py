@@ -300,7 +300,7 @@ class SpreadsheetTest(FileTest):
         german = rows("12:34:{:02d},{:03d}", "Zeit\n", seconds, ms)
         check("time of day", german, wanted, offset="12:34:56")
         dates = rows("03.05.2024 12:34:{:02d},{:03d}", "Stoss\n", seconds, ms)
-        check("date", dates, wanted, offset="03.05.2024 12:34:56")
+        check("date", dates, wanted, offset="2024-05-03 12:34:56")
         midnight = "Time\n23:59:59.5\n00:00:00.25\n00:00:01\n"
         check("past midnight", midnight, [0.5, 1.25, 2], offset="23:59:59")
         check("past midnight first", "Time\n00:00:01\n", [2], offset="23:59:59")
