@@ -12,7 +12,7 @@ import unittest.mock
 from pathlib import Path
 
 from sprag.importing import program
-from support import SOURCE, FolderTest
+from support import SOURCE, FolderTest, ended
 
 SCENES = SOURCE / "scenes"
 BEAM = str(SCENES / "paper_beam.toml")
@@ -42,21 +42,14 @@ class ProgramTest(FolderTest):
 
     def simulate(self, scene: str, duration: str) -> list[list[str]]:
         """Rows of the master's events, also in original.csv."""
-        subprocess.run(
-            [os.environ["MASTER_SIM"], str(SCENES / f"{scene}.toml"), "--duration", duration,
-             "--speed", "max", "--no-lcm", "--events", self.path("original.csv")],
-            check=True, capture_output=True,
-        )  # fmt: skip
+        files = f"{SCENES}/{scene}.toml --events original.csv"
+        ended(self.folder, "MASTER_SIM", f"{files} --duration {duration} --speed max --no-lcm")
         lines = (self.folder / "original.csv").read_text().split()
         return [line.split(",") for line in lines[1:]]
 
-    def replay(self, scene: str, recording: str, *more: str) -> bytes:
-        subprocess.run(
-            [os.environ["OBSERVER"], str(SCENES / f"{scene}.toml"), "--replay", recording,
-             "--tick", "0.01", "--states", self.path("states.csv"), "--events",
-             self.path("used.csv"), *more],
-            check=True, capture_output=True,
-        )  # fmt: skip
+    def replay(self, scene: str, recording: str, more: str = "") -> bytes:
+        files = f"{SCENES}/{scene}.toml --replay {recording} --states states.csv --events used.csv"
+        ended(self.folder, "OBSERVER", f"{files} --tick 0.01 {more}")
         return (self.folder / "states.csv").read_bytes()
 
     def test_impacts_on_another_clock_are_restored(self) -> None:
@@ -106,7 +99,7 @@ class ProgramTest(FolderTest):
         )
         self.assertEqual(done.returncode, 0, done.stderr)
         used = self.folder / "used.csv"
-        self.replay("paper_beam", log, "--key", key)
+        self.replay("paper_beam", log, f"--key {key}")
         self.assertEqual(used.read_text(), HEAD + "0.5,1,1\n0.5,1,0\n1,1,1\n1,1,0\n")
         self.replay("paper_beam", log)
         self.assertEqual(used.read_text(), HEAD)

@@ -6,7 +6,6 @@ import os
 import random
 import re
 import shutil
-import subprocess
 import tempfile
 import unittest
 import unittest.mock
@@ -25,7 +24,7 @@ from sprag.report.inputs import Inputs
 from sprag.report.pictures import MotionPictures, correlation_picture
 from sprag.report.run import certainty_blocks, impacts_blocks, measurement_blocks
 from sprag.tables import read_table
-from support import SOURCE, FolderTest
+from support import SOURCE, FolderTest, ended
 
 LAB_RIG = str(SOURCE / "scenes" / "lab_rig.toml")
 HAS_CORE = importlib.util.find_spec("sprag._core") is not None
@@ -190,7 +189,7 @@ class RunTest(FolderCase):
         Path(scene).write_text(Path(LAB_RIG).read_text() + f"\n[events]\njitter = {jitter}\n")
         rig = "scene.toml --duration 30 --tick 0.01"
         files = "--events exact.csv --states machine.csv"
-        cls.ended("MASTER_SIM", f"{rig} --speed max --no-lcm {files}")
+        ended(cls.recorded, "MASTER_SIM", f"{rig} --speed max --no-lcm {files}")
         draw = random.Random(11)
         rows = ["t,contact,closed"]
         error = 0.0
@@ -202,23 +201,15 @@ class RunTest(FolderCase):
         Path(cls.of_run("events.csv")).write_text("\n".join(rows) + "\n")
         files = "--states states.csv --impacts impacts.csv --predictions predictions.csv"
         report = "--report observer.json"
-        cls.ended("OBSERVER", f"{rig} --replay events.csv --predict 0.5 {files} {report}")
+        ended(cls.recorded, "OBSERVER", f"{rig} --replay events.csv --predict 0.5 {files} {report}")
         files = "--truth machine.csv --estimate states.csv --csv V.csv"
-        cls.ended("SYNC_LOGGER", f"scene.toml {files}")
+        ended(cls.recorded, "SYNC_LOGGER", f"scene.toml {files}")
         names = "events states impacts predictions machine V".split()
         cls.files = [scene, *(cls.of_run(f"{n}.csv") for n in names), cls.of_run("observer.json")]
 
     @classmethod
     def of_run(cls, name: str) -> str:
         return str(cls.recorded / name)
-
-    @classmethod
-    def ended(cls, program: str, arguments: str) -> str:
-        """Runs a program in the folder of the run."""
-        command = [os.environ[program], *arguments.split()]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=cls.recorded)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
 
     def check_self_contained(self, html: str) -> None:
         """No script, nothing that is loaded, one element of each identifier, closed elements."""
@@ -293,8 +284,8 @@ class RunTest(FolderCase):
         Path(scene).write_text(nominal.replace("restitution = 0.6", "restitution = 0.55"))
         options = f"events.csv {scene} --free impact.restitution,system.K,system.C"
         with_report, as_json = self.path("identify.json"), self.path("json.json")
-        self.ended("IDENTIFY", f"{options} --report {with_report}")
-        Path(as_json).write_text(self.ended("IDENTIFY", f"{options} --json"))
+        ended(self.recorded, "IDENTIFY", f"{options} --report {with_report}")
+        Path(as_json).write_text(ended(self.recorded, "IDENTIFY", f"{options} --json"))
         for file in (with_report, as_json):
             html = page([scene, self.of_run("events.csv"), file])
             self.check_self_contained(html)

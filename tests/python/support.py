@@ -13,7 +13,7 @@ import unittest
 import unittest.mock
 from collections.abc import Callable
 from pathlib import Path
-from subprocess import CompletedProcess
+from subprocess import CompletedProcess, run
 
 import sprag
 
@@ -60,6 +60,14 @@ class FolderTest(unittest.TestCase):
         if code is not None:
             self.assertEqual(done.returncode, code, f"{command}: {done.stderr}")
         return done
+
+
+def ended(folder: Path, program: str, arguments: str) -> str:
+    """Runs a program of the build tree, such as OBSERVER, in a folder. Returns what it prints."""
+    command = [os.environ[program], *arguments.split()]
+    done = run(command, capture_output=True, text=True, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def scene(name: str = "paper_beam") -> sprag.Scene:
