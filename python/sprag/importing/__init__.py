@@ -32,10 +32,6 @@ def _by_contact(columns: _Columns) -> dict[int, str]:
     return {1: columns} if isinstance(columns, str) else dict(columns or {})
 
 
-def _as_text(value: float | str) -> str:
-    return f"{value:.17g}" if isinstance(value, float) else str(value)
-
-
 def _contacts(scene: Scene | int, rate: float) -> int:
     """Number of contacts. Refuses a rate that the scene's clock would correct again."""
     if isinstance(scene, int):
@@ -110,8 +106,8 @@ def import_events(
     chosen = Columns(*map(_by_contact, (impacts, on, off, level)))
     chosen.check(contacts)
     options = Options(
-        None if unit is None else _as_text(unit), _as_text(offset), rate, counter_bits, day_first,
-        any_order, time or None, threshold, inverted, impacts_at, sample_rate, debounce,
+        None if unit is None else str(unit), str(offset), rate, counter_bits, day_first, any_order,
+        time or None, threshold, inverted, impacts_at, sample_rate, debounce,
         pulse_shorter_than, duration,
     )  # fmt: skip
     table = read_file(file, columns, separator, skip_lines)
