@@ -43,7 +43,6 @@ GUARANTEED = "#777777"
 MARKERS = "osD^vP<X"  # by contact
 # A motion with more turns is a solid block at 800 pixels; a part with fewer is shown then.
 MOST_TURNS, TURNS_IN_ZOOM = 120, 40
-OPENS, IMPACT = 2, 3  # kinds of events
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
 
@@ -507,7 +506,7 @@ def states(
     named = runs if isinstance(runs, Mapping) else {kind: runs}
     drawn = [_table("states", name, tables.columns(run, scene)) for name, run in named.items()]
     if events is not None:
-        drawn.append(_table("events", "events", _edges(events)))
+        drawn.append(_table("events", "events", _events(events)))
     label = list(named)[-1]
     if impacts is not None:
         rows = np.asarray(impacts)
@@ -535,14 +534,10 @@ def _energies(V: Any, t: Numbers) -> dict[str, Numbers]:
     return {"k": np.arange(len(t), dtype=float), "t": t, "V": total, **of_modes}
 
 
-def _edges(events: Any) -> dict[str, Numbers]:
-    """A pulse is two rows."""
-    rows = []
-    for t, contact, kind in np.asarray(events).tolist():
-        rows.append((t, contact, float(kind != OPENS)))
-        if kind == IMPACT:
-            rows.append((t, contact, 0.0))
-    return dict(zip(("t", "contact", "closed"), np.array(rows, float).reshape(-1, 3).T))
+def _events(events: Any) -> dict[str, Any]:
+    rows = np.asarray(events)
+    kinds = np.array(["", "closes", "opens", "impact"])  # by their numbers
+    return {"t": rows["t"], "contact": rows["contact"], "kind": kinds[rows["kind"]]}
 
 
 # --- the program ---
