@@ -201,6 +201,21 @@ TEST(Identification, AnyNumberOfTheMachine) {
   }
 }
 
+// From C = 0, where the step of a damping is a share of critical damping.
+TEST(Identification, ADamperOfAnUndampedMachine) {
+  Scene scene = shipped_scene("lab_rig");
+  scene.model.C.setZero();
+  const std::vector<Unknown> unknowns = unknowns_named(scene, {"system.C.2.2"});
+  EXPECT_EQ(unknowns[0].coordinate(0.0), unknowns[0].lowest());
+  const std::vector<ContactEvent> events = events_of(with(scene, unknowns[0], 0.8), 30.0);
+  IdentificationSettings settings;
+  settings.unknowns = unknowns;
+  settings.jitter = 0.0;
+  const Identification found = identify(scene, events, settings);
+  EXPECT_TRUE(found.fits()) << reason_of(found);
+  EXPECT_NEAR(found.unknowns[0].value, 0.8, 1e-7);
+}
+
 struct Sustained {
   const char* scene;
   const char* key;

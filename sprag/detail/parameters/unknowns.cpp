@@ -427,8 +427,14 @@ std::optional<Unknown> number_of(const Scene& scene, const std::string& key) {
     unknown.lower_limit = *std::max_element(scene.positions.begin(), scene.positions.end());
   }
   if (unknown.nominal != 0.0 || !key.starts_with("system.")) return unknown;
-  // The step of an entry that is nominally 0 is the largest of its matrix.
   const Model& model = scene.model;
+  if (of == "C" && number->i == number->j) {
+    // 2 % of critical damping of this coordinate alone.
+    const Eigen::Index i = number->i;
+    const double critical = 2.0 * std::sqrt(std::max(model.K(i, i), 0.0) * model.M(i, i));
+    return damping_of(key, number->unit, 0.0, critical > 0.0 ? 0.02 * critical : model.M(i, i));
+  }
+  // The step of an entry that is nominally 0 is the largest of its matrix.
   const Eigen::MatrixXd& matrix = of == "M" ? model.M : of == "C" ? model.C : model.K;
   if (!matrix.isZero(0.0)) unknown.unit_step = matrix.cwiseAbs().maxCoeff();
   return unknown;
