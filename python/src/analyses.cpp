@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
 #include <map>
-#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -39,6 +39,8 @@ namespace sprag::python {
 namespace {
 
 using EventList = std::vector<ContactEvent>;
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
 
 // Sorted by time, as the functions of the library require.
 EventList in_order(const py::object& events, const Scene& scene, double duration) {
@@ -95,44 +97,64 @@ py::array mended(const IdentifyResult& result) {
       }
     }
   }
-  py::list fields;
-  for (const auto& [name, type] : {std::pair("t", "f8"), std::pair("contact", "i4"),
-                                   std::pair("closed", "i1"), std::pair("note", "U8")}) {
-    fields.append(py::make_tuple(name, type));
-  }
+  const py::dict fields("names"_a = py::make_tuple("t", "contact", "closed", "note"),
+                        "formats"_a = py::make_tuple("f8", "i4", "i1", "U8"));
   return read_only(py::module_::import("numpy").attr("array")(rows, fields));
 }
 
-struct PythonIdentification {
-  IdentifyResult result;
-  std::vector<std::string> keys;
-  Eigen::VectorXd values, sigmas, low, high;
-  std::vector<std::uint8_t> determined, at_bound;
-  Eigen::MatrixXd covariance;
-};
-SPRAG_MEMBERS(PythonIdentification, result, keys, values, sigmas, low, high, determined, at_bound,
-              covariance)
+// An attribute of each parameter: 0, or nan, where the events do not determine it.
+template <typename T>
+py::array_t<T> of_parameters(const Identification& fit, T FittedUnknown::*member) {
+  py::array_t<T> values(std::ssize(fit.unknowns));
+  std::transform(fit.unknowns.begin(), fit.unknowns.end(), values.mutable_data(),
+                 [&](const FittedUnknown& of) {
+                   const bool known = of.determined && fit.converged();
+                   return known ? of.*member : std::numeric_limits<T>::quiet_NaN();
+                 });
+  return read_only(values);
+}
 
-PythonIdentification collected(IdentifyResult result) {
-  PythonIdentification all;
-  const Identification& fit = result.fit;
-  const auto P = static_cast<Eigen::Index>(fit.unknowns.size());
-  for (Eigen::VectorXd* of : {&all.values, &all.sigmas, &all.low, &all.high}) of->resize(P);
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  for (Eigen::Index k = 0; k < P; ++k) {
-    const FittedUnknown& of = fit.unknowns[static_cast<std::size_t>(k)];
-    const bool known = of.determined && fit.converged();
-    all.keys.push_back(of.unknown.key);
-    all.values[k] = known ? of.value : nan;
-    all.sigmas[k] = known ? of.sigma : nan;
-    all.low[k] = known ? of.low : nan;
-    all.high[k] = known ? of.high : nan;
-    all.determined.push_back(known ? 1 : 0);
-    all.at_bound.push_back(known && of.at_bound ? 1 : 0);
+std::vector<std::string> keys_of(const Identification& fit) {
+  std::vector<std::string> keys;
+  for (const FittedUnknown& of : fit.unknowns) keys.push_back(of.unknown.key);
+  return keys;
+}
+
+// (value, standard deviation) of each determined parameter.
+std::map<std::string, std::pair<double, double>> parameters_of(const Identification& fit) {
+  std::map<std::string, std::pair<double, double>> found;
+  for (const FittedUnknown& of : fit.unknowns) {
+    if (of.determined && fit.converged()) found[of.unknown.key] = {of.value, of.sigma};
   }
-  all.covariance = all.sigmas.asDiagonal() * correlations(fit) * all.sigmas.asDiagonal();
-  all.result = std::move(result);
+  return found;
+}
+
+using Weights = std::map<std::string, double>;
+
+std::vector<std::pair<Weights, double>> combinations_of(const Identification& fit) {
+  std::vector<std::pair<Weights, double>> all;
+  for (const Combination& combination : fit.combinations) {
+    Weights weights;
+    for (const auto& [k, weight] : combination.weights) {
+      weights[fit.unknowns[k].unknown.key] = weight;
+    }
+    all.emplace_back(std::move(weights), combination.sigma);
+  }
   return all;
+}
+
+// nan where one of the two parameters is not determined.
+const Eigen::MatrixXd covariance_of(const Identification& fit) {
+  const auto sigmas = of_parameters(fit, &FittedUnknown::sigma).cast<Eigen::VectorXd>();
+  return sigmas.asDiagonal() * correlations(fit) * sigmas.asDiagonal();
+}
+
+py::array repaired(const IdentifyResult& result) {
+  EventList all;
+  for (const RepairedEvent& event : repaired_events(result.events, result.fit)) {
+    if (!event.spurious) all.push_back(event.event);
+  }
+  return owned(std::move(all));
 }
 
 std::optional<std::vector<std::string>> keys_or_all(const py::object& free) {
@@ -141,17 +163,18 @@ std::optional<std::vector<std::string>> keys_or_all(const py::object& free) {
   return free.cast<std::vector<std::string>>();
 }
 
-PythonIdentification run_identify(const Scene& scene, const py::object& events,
-                                  const py::object& free, const py::object& known,
-                                  const py::object& within, std::optional<double> jitter,
-                                  bool accept, double duration) {
-  if (jitter && !(*jitter >= 0.0 && std::isfinite(*jitter))) {
-    throw std::invalid_argument("jitter must be >= 0");
-  }
+double required_jitter(double jitter) {
+  if (jitter >= 0.0 && std::isfinite(jitter)) return jitter;
+  throw std::invalid_argument("jitter must be >= 0");
+}
+
+IdentifyResult run_identify(const Scene& scene, const py::object& events, const py::object& free,
+                            const py::object& known, const py::object& within,
+                            std::optional<double> jitter, bool accept, double duration) {
   IdentifyRequest request;
   request.free = keys_or_all(free);
   request.known = keys_or_all(known).value_or(std::vector<std::string>());
-  request.jitter = jitter;
+  if (jitter) request.jitter = required_jitter(*jitter);
   request.causes = free.is_none();
   request.accept = accept;
   if (py::isinstance<py::dict>(within)) {
@@ -160,185 +183,112 @@ PythonIdentification run_identify(const Scene& scene, const py::object& events,
     request.within = within.cast<double>();
   }
   const EventList taken = in_order(events, scene, duration);
-  return long_call([&] { return collected(identify_requested(scene, taken, request)); });
-}
-
-using IdentificationClass = py::class_<PythonIdentification>;
-
-void bind_fitted_values(IdentificationClass& of_fit) {
-  using Class = PythonIdentification;
-  const auto vector = [](Eigen::VectorXd Class::*member) {
-    return
-        [member](const py::object& self) { return view(self.cast<const Class&>().*member, self); };
-  };
-  of_fit.def_readonly("keys", &Class::keys, "Keys of the parameters in the scene file.")
-      .def_property_readonly("values", vector(&Class::values), "Values, P entries.")
-      .def_property_readonly("sigmas", vector(&Class::sigmas), "Standard deviations, P entries.")
-      .def_property_readonly("low", vector(&Class::low), "Lower ends of the 95 % intervals.")
-      .def_property_readonly("high", vector(&Class::high), "Upper ends of the 95 % intervals.")
-      .def_property_readonly(
-          "determined",
-          [](const py::object& self) { return view(self.cast<const Class&>().determined, self); },
-          "Whether the events determine each parameter.")
-      .def_property_readonly(
-          "at_bound",
-          [](const py::object& self) { return view(self.cast<const Class&>().at_bound, self); },
-          "Whether each value is a physical bound.")
-      .def_property_readonly(
-          "parameters",
-          [](const Class& of) {
-            std::map<std::string, std::pair<double, double>> found;
-            for (std::size_t k = 0; k < of.keys.size(); ++k) {
-              const auto i = static_cast<Eigen::Index>(k);
-              if (of.determined[k] != 0) found[of.keys[k]] = {of.values[i], of.sigmas[i]};
-            }
-            return found;
-          },
-          "(value, standard deviation) of each determined parameter by its key.")
-      .def_property_readonly(
-          "combinations",
-          [](const Class& of) {
-            std::vector<std::pair<std::map<std::string, double>, double>> all;
-            for (const Combination& combination : of.result.fit.combinations) {
-              std::map<std::string, double> weights;
-              for (const auto& [k, weight] : combination.weights) weights[of.keys[k]] = weight;
-              all.emplace_back(std::move(weights), combination.sigma);
-            }
-            return all;
-          },
-          "Of a degenerate orbit: (weight of the relative change by key, standard deviation) of "
-          "each combination that the events determine.")
-      .def_property_readonly(
-          "covariance",
-          [](const py::object& self) { return view(self.cast<const Class&>().covariance, self); },
-          "Covariance of the values, P x P; nan where one of the two is not determined or at a "
-          "bound.")
-      .def_property_readonly(
-          "others", [](const Class& of) { return of.result.fit.others; },
-          "Values at other minima that fit as well, P entries each.");
-}
-
-void bind_fit_figures(IdentificationClass& of_fit) {
-  using Class = PythonIdentification;
-  of_fit
-      .def_property_readonly(
-          "jitter", [](const Class& of) { return of.result.fit.jitter; },
-          "Standard deviation of event times, as given or as estimated [s].")
-      .def_property_readonly(
-          "scatter", [](const Class& of) { return of.result.fit.scatter; },
-          "Root mean square of the residuals per degree of freedom [s].")
-      .def_property_readonly(
-          "drift",
-          [](const Class& of) -> std::optional<double> {
-            if (!of.result.fit.departure.is_drift()) return std::nullopt;
-            return of.result.fit.departure.drift->drift;
-          },
-          "Process noise that the residuals show [energy per unit of time]; None: none.")
-      .def_property_readonly(
-          "chi2", [](const Class& of) { return of.result.fit.chi2; },
-          "Sum of the squared residuals in units of the jitter.")
-      .def_property_readonly(
-          "freedom", [](const Class& of) { return of.result.fit.freedom; }, "Degrees of freedom.")
-      .def_property_readonly(
-          "impacts", [](const Class& of) { return of.result.fit.impacts; },
-          "Number of impacts used.")
-      .def_property_readonly(
-          "left_out", [](const Class& of) { return of.result.fit.left_out; },
-          "Number of closings that the fit does not use.")
-      .def_property_readonly(
-          "missing", [](const Class& of) { return structured(rows_of(of.result.fit.missing)); },
-          "Impacts without an event: an array with the fields t [s] and contact (from 1).")
-      .def_property_readonly(
-          "spurious", [](const Class& of) { return of.result.fit.spurious; },
-          "Indices of spurious events in the events in order of time, from 0.")
-      .def_property_readonly(
-          "repaired",
-          [](const Class& of) {
-            EventList all;
-            for (const RepairedEvent& event : repaired_events(of.result.events, of.result.fit)) {
-              if (!event.spurious) all.push_back(event.event);
-            }
-            return owned(std::move(all));
-          },
-          "The events with the missing ones at the times of the fit and without spurious ones: an "
-          "array of event_dtype.")
-      .def_property_readonly(
-          "mended", [](const Class& of) { return mended(of.result); },
-          "The rows of `identify --events`: an array with its fields t [s], contact (from 1), "
-          "closed (1 or 0) and note ('', 'lost', 'spurious' or 'suspect'); a pulse is two rows. "
-          "Empty without a fit.")
-      .def_property_readonly(
-          "start", [](const Class& of) -> const State& { return of.result.fit.start; },
-          py::return_value_policy::reference_internal, "State at start_t.")
-      .def_property_readonly(
-          "start_sigma", [](const Class& of) -> const State& { return of.result.fit.start_sigma; },
-          py::return_value_policy::reference_internal, "Its standard deviations.")
-      .def_property_readonly(
-          "start_t", [](const Class& of) { return of.result.fit.start_t; }, "[s]")
-      .def_property_readonly(
-          "fitted",
-          [](const Class& of) -> std::shared_ptr<Scene> {
-            if (!of.result.fit.converged()) return nullptr;
-            return std::make_shared<Scene>(of.result.fit.fitted);
-          },
-          "The scene with all that the fit determines, as `identify --output` writes it: values, "
-          "parameters with their correlations, start and its uncertainty, jitter, and the drift or "
-          "its 95 % limit. None without a fit; that of a refused fit has the scatter as its "
-          "jitter.");
+  return long_call([&] { return identify_requested(scene, taken, request); });
 }
 
 void bind_identification(py::module_& module) {
-  using Class = PythonIdentification;
-  IdentificationClass of_fit = value_class<PythonIdentification>(
+  using Fit = Identification;
+  const auto number = [](double FittedUnknown::*member) {
+    return [member](const Fit& fit) { return of_parameters(fit, member); };
+  };
+  const auto flag = [](bool FittedUnknown::*member) {
+    return [member](const Fit& fit) { return of_parameters(fit, member); };
+  };
+  const auto fit = &IdentifyResult::fit;
+  value_class<IdentifyResult>(
       module, "Identification",
       "Parameters that contact events determine, P of them, and the verdict. Entry k "
-      "of each array belongs to keys[k]; it is nan where determined[k] is False.");
-  of_fit
-      .def_property_readonly(
-          "fits", [](const Class& of) { return of.result.fit.fits(); },
-          "Whether the fit is accepted; if not, problem is the reason.")
-      .def_property_readonly(
-          "accepted", [](const Class& of) { return of.result.fit.fits() || of.result.accepted; },
-          "Whether the fit is accepted, or taken as an effective model by `accept`.")
-      .def_property_readonly(
-          "verdict", [](const Class& of) { return verdict(of.result); }, "The verdict in words.")
-      .def_property_readonly(
-          "reason", [](const Class& of) { return reason_of(of.result.fit); },
-          "Why a fit is refused, and the remedy; empty if it is accepted.")
-      .def_property_readonly(
-          "held",
-          [](const Class& of) -> std::optional<std::string> {
-            if (of.result.held.empty()) return std::nullopt;
-            return of.result.held;
-          },
-          "Key of the parameter that is held to fix the scale, or None.")
-      .def_property_readonly(
-          "problem", [](const Class& of) { return name_of(of.result.fit.problem); },
-          "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
-          "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.")
-      .def_property_readonly(
-          "misfit", [](const Class& of) { return name_of(of.result.fit.misfit); },
-          "Evidence that the model is wrong: 'none', 'scatter', 'structured' or 'prediction'.")
-      .def_property_readonly(
-          "cause", [](const Class& of) { return name_of(of.result.fit.departure.cause); },
-          "The likeliest departure from the model, if it is significant: 'none', 'drift', "
-          "'restitution_scatter', 'restitution_by_speed', 'restitution_by_time', 'friction', "
-          "'soft_stop' or 'clock_rate'.")
-      .def_property_readonly(
-          "culprit",
-          [](const Class& of) -> std::optional<std::string> {
-            if (of.result.fit.culprit < 0) return std::nullopt;
-            return of.keys[static_cast<std::size_t>(of.result.fit.culprit)];
-          },
-          "Key of the parameter that reached its bound, or None.")
-      .def("__str__", [](const Class& of) { return to_text(of.result); });
-  bind_fitted_values(of_fit);
-  bind_fit_figures(of_fit);
+      "of each array belongs to keys[k]; it is nan where determined[k] is False.")
+      .get("fits", "Whether the fit is accepted; if not, problem is the reason.", fit, &Fit::fits)
+      .get("accepted", "Whether the fit is accepted, or taken as an effective model by `accept`.",
+           [](const IdentifyResult& of) { return of.fit.fits() || of.accepted; })
+      .get("verdict", "The verdict in words.", [](const IdentifyResult& of) { return verdict(of); })
+      .get("reason", "Why a fit is refused, and the remedy; empty if it is accepted.", fit,
+           &reason_of)
+      .get("held", "Key of the parameter that is held to fix the scale, or None.",
+           [](const IdentifyResult& of) {
+             return of.held.empty() ? std::nullopt : std::optional(of.held);
+           })
+      .get("problem",
+           "'none', 'no_convergence', 'events_left_out', 'merged_bounces', "
+           "'lost_or_spurious_events', 'bound_reached', 'degenerate_orbit' or 'wrong_model'.",
+           fit, [](const Fit& of) { return name_of(of.problem); })
+      .get("misfit",
+           "Evidence that the model is wrong: 'none', 'scatter', 'structured' or 'prediction'.",
+           fit, [](const Fit& of) { return name_of(of.misfit); })
+      .get("cause",
+           "The likeliest departure from the model, if it is significant: 'none', 'drift', "
+           "'restitution_scatter', 'restitution_by_speed', 'restitution_by_time', 'friction', "
+           "'soft_stop' or 'clock_rate'.",
+           fit, [](const Fit& of) { return name_of(of.departure.cause); })
+      .get("culprit", "Key of the parameter that reached its bound, or None.", fit,
+           [](const Fit& of) -> std::optional<std::string> {
+             if (of.culprit < 0) return std::nullopt;
+             return of.unknowns[static_cast<std::size_t>(of.culprit)].unknown.key;
+           })
+      .get("keys", "Keys of the parameters in the scene file.", fit, &keys_of)
+      .get("values", "Values, P entries.", fit, number(&FittedUnknown::value))
+      .get("sigmas", "Standard deviations, P entries.", fit, number(&FittedUnknown::sigma))
+      .get("low", "Lower ends of the 95 % intervals.", fit, number(&FittedUnknown::low))
+      .get("high", "Upper ends of the 95 % intervals.", fit, number(&FittedUnknown::high))
+      .get("determined", "Whether the events determine each parameter.", fit,
+           flag(&FittedUnknown::determined))
+      .get("at_bound", "Whether each value is a physical bound.", fit,
+           flag(&FittedUnknown::at_bound))
+      .get("parameters", "(value, standard deviation) of each determined parameter by its key.",
+           fit, &parameters_of)
+      .get("combinations",
+           "Of a degenerate orbit: (weight of the relative change by key, standard deviation) of "
+           "each combination that the events determine.",
+           fit, &combinations_of)
+      .get("covariance",
+           "Covariance of the values, P x P; nan where one of the two is not determined or at a "
+           "bound.",
+           fit, &covariance_of)
+      .get("others", "Values at other minima that fit as well, P entries each.", fit, &Fit::others)
+      .get("jitter", "Standard deviation of event times, as given or as estimated [s].", fit,
+           &Fit::jitter)
+      .get("scatter", "Root mean square of the residuals per degree of freedom [s].", fit,
+           &Fit::scatter)
+      .get("drift", "Process noise that the residuals show [energy per unit of time]; None: none.",
+           fit,
+           [](const Fit& of) -> std::optional<double> {
+             if (!of.departure.is_drift()) return std::nullopt;
+             return of.departure.drift->drift;
+           })
+      .get("chi2", "Sum of the squared residuals in units of the jitter.", fit, &Fit::chi2)
+      .get("freedom", "Degrees of freedom.", fit, &Fit::freedom)
+      .get("impacts", "Number of impacts used.", fit, &Fit::impacts)
+      .get("left_out", "Number of closings that the fit does not use.", fit, &Fit::left_out)
+      .get("missing",
+           "Impacts without an event: an array with the fields t [s] and contact (from 1).", fit,
+           [](const Fit& of) { return structured(rows_of(of.missing)); })
+      .get("spurious", "Indices of spurious events in the events in order of time, from 0.", fit,
+           &Fit::spurious)
+      .get("repaired",
+           "The events with the missing ones at the times of the fit and without spurious ones: an "
+           "array of event_dtype.",
+           &repaired)
+      .get("mended",
+           "The rows of `identify --events`: an array with its fields t [s], contact (from 1), "
+           "closed (1 or 0) and note ('', 'lost', 'spurious' or 'suspect'); a pulse is two rows. "
+           "Empty without a fit.",
+           &mended)
+      .get("start", "State at start_t.", fit, &Fit::start)
+      .get("start_sigma", "Its standard deviations.", fit, &Fit::start_sigma)
+      .get("start_t", "[s]", fit, &Fit::start_t)
+      .get(
+          "fitted",
+          "The scene with all that the fit determines, as `identify --output` writes it: values, "
+          "parameters with their correlations, start and its uncertainty, jitter, and the drift or "
+          "its 95 % limit. None without a fit; that of a refused fit has the scatter as its "
+          "jitter.",
+          fit, [](const Fit& of) { return of.converged() ? &of.fitted : nullptr; })
+      .def("__str__", [](const IdentifyResult& of) { return to_text(of); });
   module.def(
-      "identify", &run_identify, py::arg("scene"), py::arg("events"), py::kw_only(),
-      py::arg("free") = py::none(), py::arg("known") = py::tuple(), py::arg("within") = py::none(),
-      py::arg("jitter") = py::none(), py::arg("accept") = false,
-      py::arg("duration") = std::numeric_limits<double>::infinity(),
+      "identify", &run_identify, "scene"_a, "events"_a, py::kw_only(), "free"_a = py::none(),
+      "known"_a = py::tuple(), "within"_a = py::none(), "jitter"_a = py::none(), "accept"_a = false,
+      "duration"_a = infinity,
       "Identifies parameters of a machine from contact events since t = 0, as the program identify "
       "does. free: their key in the scene file, or a list of keys; None: all that events can "
       "determine, without known, also one or several keys, and single ones that explain the events "
@@ -351,75 +301,63 @@ void bind_identification(py::module_& module) {
 
 // ---- diagnosis
 
+std::vector<Candidate> ties_of(const Diagnosis& diagnosis) {
+  std::vector<Candidate> ties;
+  for (const Candidate* tie : diagnosis.ties()) ties.push_back(*tie);
+  return ties;
+}
+
 void bind_diagnosis(py::module_& module) {
   value_class<Candidate>(module, "Candidate",
                          "A parameter that may be wrong, alone, and the value that explains the "
                          "events best.")
-      .def_property_readonly(
-          "key", [](const Candidate& of) { return of.parameter.key; }, "Key in the scene file.")
-      .def_property_readonly(
-          "unit", [](const Candidate& of) { return of.parameter.unit; }, "Unit; may be empty.")
-      .def_property_readonly(
-          "nominal", [](const Candidate& of) { return of.parameter.nominal; }, "Scene's value.")
-      .def_readonly("determined", &Candidate::determined, "Whether the events determine it.")
-      .def_readonly("value", &Candidate::value, "The value; the scene's if not determined.")
-      .def_readonly("sigma", &Candidate::deviation, "Its standard deviation.")
-      .def_readonly("scatter", &Candidate::scatter, "Scatter of event times with it [s].")
-      .def_readonly("gain", &Candidate::gain, "Gain of -2 log L; 0 if not determined.")
-      .def_readonly("explained", &Candidate::explained,
-                    "Share of the square of the scatter that it explains.")
-      .def_readonly("fits", &Candidate::fits, "Whether the events fit with it and the jitter.")
-      .def_readonly("improved_by", &Candidate::improved_by,
-                    "Key of a parameter that explains much more together with it; else empty.");
+      .get("key", "Key in the scene file.", &Candidate::parameter, &Unknown::key)
+      .get("unit", "Unit; may be empty.", &Candidate::parameter, &Unknown::unit)
+      .get("nominal", "Scene's value.", &Candidate::parameter, &Unknown::nominal)
+      .get("determined", "Whether the events determine it.", &Candidate::determined)
+      .get("value", "The value; the scene's if not determined.", &Candidate::value)
+      .get("sigma", "Its standard deviation.", &Candidate::deviation)
+      .get("scatter", "Scatter of event times with it [s].", &Candidate::scatter)
+      .get("gain", "Gain of -2 log L; 0 if not determined.", &Candidate::gain)
+      .get("explained", "Share of the square of the scatter that it explains.",
+           &Candidate::explained)
+      .get("fits", "Whether the events fit with it and the jitter.", &Candidate::fits)
+      .get("improved_by",
+           "Key of a parameter that explains much more together with it; else empty.",
+           &Candidate::improved_by);
   value_class<Diagnosis>(module, "Diagnosis",
                          "Whether events fit a scene, and which parameter would explain them.")
-      .def_readonly("fits", &Diagnosis::fits, "Whether the events fit the scene as it is.")
-      .def_readonly("jitter", &Diagnosis::jitter, "Specified jitter [s]; 0: exact.")
-      .def_readonly("scatter", &Diagnosis::scatter,
-                    "Scatter of event times about the scene's machine [s].")
-      .def_readonly("misfit", &Diagnosis::misfit, "chi^2 per degree of freedom with the jitter.")
-      .def_readonly("closings", &Diagnosis::closings, "Number of closings used.")
-      .def_readonly("candidates", &Diagnosis::candidates, "All parameters, the best first.")
-      .def_property_readonly(
-          "explanation", [](const Diagnosis& of) { return of.explanation(); },
-          py::return_value_policy::reference_internal,
-          "The candidate with which the events fit, or None.")
-      .def_property_readonly(
-          "ties",
-          [](const Diagnosis& of) {
-            std::vector<Candidate> ties;
-            for (const Candidate* tie : of.ties()) ties.push_back(*tie);
-            return ties;
-          },
-          "Other parameters that explain the misfit as well.")
-      .def_property_readonly(
-          "missing", [](const Diagnosis& of) { return structured(rows_of(of.missing)); },
-          "Lost events that explain the misfit: an array with the fields t [s] and contact.")
-      .def_property_readonly(
-          "spurious", [](const Diagnosis& of) { return owned(of.spurious); },
-          "Spurious events that explain the misfit, an array of event_dtype.")
-      .def_property_readonly(
-          "verdict", [](const Diagnosis& of) { return verdict(of); }, "The verdict in words.")
+      .get("fits", "Whether the events fit the scene as it is.", &Diagnosis::fits)
+      .get("jitter", "Specified jitter [s]; 0: exact.", &Diagnosis::jitter)
+      .get("scatter", "Scatter of event times about the scene's machine [s].", &Diagnosis::scatter)
+      .get("misfit", "chi^2 per degree of freedom with the jitter.", &Diagnosis::misfit)
+      .get("closings", "Number of closings used.", &Diagnosis::closings)
+      .get("candidates", "All parameters, the best first.", &Diagnosis::candidates)
+      .get("explanation", "The candidate with which the events fit, or None.",
+           &Diagnosis::explanation)
+      .get("ties", "Other parameters that explain the misfit as well.", &ties_of)
+      .get("missing",
+           "Lost events that explain the misfit: an array with the fields t [s] and contact.",
+           [](const Diagnosis& of) { return structured(rows_of(of.missing)); })
+      .get("spurious", "Spurious events that explain the misfit, an array of event_dtype.",
+           [](const Diagnosis& of) { return owned(of.spurious); })
+      .get("verdict", "The verdict in words.", [](const Diagnosis& of) { return verdict(of); })
       .def("__str__", [](const Diagnosis& of) { return to_text(of); });
   module.def(
       "diagnose",
       [](const Scene& scene, const py::object& events, std::optional<double> jitter,
          double duration, const py::object& free) {
         DiagnosisSettings settings;
-        settings.jitter = jitter.value_or(scene.prior.jitter);
-        if (!(settings.jitter >= 0.0 && std::isfinite(settings.jitter))) {
-          throw std::invalid_argument("jitter must be >= 0");
-        }
+        settings.jitter = required_jitter(jitter.value_or(scene.prior.jitter));
         settings.keys = keys_or_all(free).value_or(std::vector<std::string>());
         const EventList taken = in_order(events, scene, duration);
         return long_call([&] { return diagnose(scene, taken, settings); });
       },
-      py::arg("scene"), py::arg("events"), py::kw_only(), py::arg("jitter") = py::none(),
-      py::arg("duration") = std::numeric_limits<double>::infinity(), py::arg("free") = py::none(),
+      "scene"_a, "events"_a, py::kw_only(), "jitter"_a = py::none(), "duration"_a = infinity,
+      "free"_a = py::none(),
       "Whether contact events since t = 0 fit a scene and, if not, which single parameter would "
       "explain them. jitter [s]: None takes the scene's. free: the parameters that may be wrong, "
-      "as "
-      "for identify(); None: all. Raises sprag.Error for too few events, ModelError or "
+      "as for identify(); None: all. Raises sprag.Error for too few events, ModelError or "
       "ValueError.");
 }
 
@@ -511,18 +449,6 @@ void bind_smoother(py::module_& module) {
 
 // ---- impacts and predictions
 
-struct ImpactRow {
-  double t;
-  std::int32_t contact;
-  std::int8_t kind;
-  bool from_filter;
-  double time, sigma_time, velocity_before, sigma_velocity_before, velocity_after,
-      sigma_velocity_after, impulse, sigma_impulse;
-  bool sustained;
-  double force_begin, sigma_force_begin, force_end, sigma_force_end, force_largest,
-      sigma_force_largest, force_impulse, sigma_force_impulse;
-};
-
 struct PredictionRow {
   double t;
   std::int32_t contact;
@@ -530,41 +456,43 @@ struct PredictionRow {
   double sigma_t;
 };
 
-ImpactRow row_of(const ImpactRecord& of) {
-  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-  const auto force = [&](const Uncertain& x) { return of.sustained ? x : Uncertain{nan, nan}; };
-  const Uncertain begin = force(of.force_begin), end = force(of.force_end),
-                  largest = force(of.force_largest), impulse = force(of.force_impulse);
-  return {of.t,
-          of.contact + 1,
-          static_cast<std::int8_t>(of.kind),
-          of.from_filter,
-          of.time.value,
-          of.time.sigma,
-          of.before.value,
-          of.before.sigma,
-          of.after.value,
-          of.after.sigma,
-          of.impulse.value,
-          of.impulse.sigma,
-          of.sustained,
-          begin.value,
-          begin.sigma,
-          end.value,
-          end.sigma,
-          largest.value,
-          largest.sigma,
-          impulse.value,
-          impulse.sigma};
+// The columns of `observer --impacts`; forces of releases only.
+py::array columns_of(std::vector<ImpactRecord> records) {
+  for (ImpactRecord& of : records) {
+    ++of.contact;
+    if (of.sustained) continue;
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+    of.force_begin = of.force_end = of.force_largest = of.force_impulse = {nan, nan};
+  }
+  py::list names, formats, offsets;
+  const auto field = [&](const std::string& name, const char* format, std::size_t offset) {
+    names.append(name);
+    formats.append(format);
+    offsets.append(offset);
+  };
+  const auto uncertain = [&](const std::string& name, std::size_t offset) {
+    field(name, "f8", offset + offsetof(Uncertain, value));
+    field("sigma_" + name, "f8", offset + offsetof(Uncertain, sigma));
+  };
+  field("t", "f8", offsetof(ImpactRecord, t));
+  field("contact", "i4", offsetof(ImpactRecord, contact));
+  field("kind", "i1", offsetof(ImpactRecord, kind));
+  field("from_filter", "?", offsetof(ImpactRecord, from_filter));
+  uncertain("time", offsetof(ImpactRecord, time));
+  uncertain("velocity_before", offsetof(ImpactRecord, before));
+  uncertain("velocity_after", offsetof(ImpactRecord, after));
+  uncertain("impulse", offsetof(ImpactRecord, impulse));
+  field("sustained", "?", offsetof(ImpactRecord, sustained));
+  uncertain("force_begin", offsetof(ImpactRecord, force_begin));
+  uncertain("force_end", offsetof(ImpactRecord, force_end));
+  uncertain("force_largest", offsetof(ImpactRecord, force_largest));
+  uncertain("force_impulse", offsetof(ImpactRecord, force_impulse));
+  const py::dtype type(names, formats, offsets, sizeof(ImpactRecord));
+  return read_only(py::array(type, std::ssize(records), records.data()));
 }
 
 void bind_impacts(py::module_& module) {
   PYBIND11_NUMPY_DTYPE(EventRow, t, contact);
-  PYBIND11_NUMPY_DTYPE(ImpactRow, t, contact, kind, from_filter, time, sigma_time, velocity_before,
-                       sigma_velocity_before, velocity_after, sigma_velocity_after, impulse,
-                       sigma_impulse, sustained, force_begin, sigma_force_begin, force_end,
-                       sigma_force_end, force_largest, sigma_force_largest, force_impulse,
-                       sigma_force_impulse);
   PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma_t);
   module.def(
       "impacts",
@@ -572,12 +500,7 @@ void bind_impacts(py::module_& module) {
          const std::string& estimator) {
         const EventList taken = to_events(events, scene.model.contacts.size());
         const ObserverSettings settings = to_settings(tick, estimator);
-        const std::vector<ImpactRecord> records =
-            long_call([&] { return impacts(scene, taken, duration, settings); });
-        std::vector<ImpactRow> rows;
-        rows.reserve(records.size());
-        for (const ImpactRecord& record : records) rows.push_back(row_of(record));
-        return structured(rows);
+        return columns_of(long_call([&] { return impacts(scene, taken, duration, settings); }));
       },
       "scene"_a, "events"_a, "duration"_a, py::kw_only(), "tick"_a = 0.01, "estimator"_a = "both",
       "The impacts of a recording: an array with one entry for each event and the columns of "
@@ -621,7 +544,7 @@ struct PythonReduction {
   int modes = 0;
   std::vector<int> static_vectors;
   double rms_gap = 0.0;
-  std::shared_ptr<Scene> scene;
+  Scene scene;
 };
 SPRAG_MEMBERS(PythonReduction, correction, modes, static_vectors, rms_gap, scene)
 
@@ -645,8 +568,8 @@ PythonReductions run_reduce(const Scene& scene, const EventList& events, int mod
   }
   PythonReductions found{table.closings, table.from, table.to, {}, to_text(table)};
   for (const Reduction& of : table.reductions) {
-    found.all.push_back({of.correction, of.modes, of.static_vectors, of.rms,
-                         std::make_shared<Scene>(reduced_scene(scene, of.machine))});
+    found.all.push_back(
+        {of.correction, of.modes, of.static_vectors, of.rms, reduced_scene(scene, of.machine)});
   }
   return found;
 }
@@ -691,8 +614,7 @@ void bind_reduction(py::module_& module) {
         const EventList taken = in_order(events, scene, duration);
         return long_call([&] { return run_reduce(scene, taken, modes); });
       },
-      "scene"_a, "events"_a, "modes"_a, py::kw_only(),
-      "duration"_a = std::numeric_limits<double>::infinity(),
+      "scene"_a, "events"_a, "modes"_a, py::kw_only(), "duration"_a = infinity,
       "Reduces a scene to its first modes, with each correction for the others that is tried: "
       "Reductions, the one that follows the events best first. Raises sprag.Error for too few "
       "events, ModelError or ValueError.");

@@ -1,5 +1,5 @@
 // Results as numpy arrays: read-only views of C++ data, without copies, that keep their owner
-// alive.
+// alive. Those of Eigen's vectors and matrices are made by pybind11.
 #pragma once
 
 #include <pybind11/numpy.h>
@@ -23,27 +23,23 @@ using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMaj
 py::array read_only(py::array array);
 
 /// n entries.
-Numbers view(const Eigen::VectorXd& values, py::handle owner);
 Numbers view(const std::vector<double>& values, py::handle owner);
-/// n x f, C order.
-Numbers view(const Rows& rows, py::handle owner);
-/// f x f, Fortran order.
-Numbers view(const Eigen::MatrixXd& matrix, py::handle owner);
 /// The same as boolean values.
 py::array_t<bool> view(const std::vector<std::uint8_t>& flags, py::handle owner);
 /// Of a vector without entries none.
 std::optional<Numbers> view_or_none(const Eigen::VectorXd& values, py::handle owner);
 
-/// Fields t, contact and kind, in the layout of ContactEvent. In Python contacts count from 1.
-py::dtype event_dtype();
+/// Makes the dtype of ContactEvent, with the fields t, contact and kind. In Python contacts count
+/// from 1.
+py::dtype make_event_dtype();
 
-/// n entries of event_dtype(). The contacts in `events` must count from 1 already.
+/// n entries. The contacts in `events` must count from 1 already.
 py::array view(const std::vector<ContactEvent>& events, py::handle owner);
 
 /// The same of events with contacts from 0, which the array owns; in it contacts count from 1.
 py::array owned(std::vector<ContactEvent> events);
 
-/// Converts an array of event_dtype(), or a sequence of triples, to events with contacts from 0.
+/// Converts an array of events, or a sequence of triples, to events with contacts from 0.
 /// Throws std::invalid_argument if an entry is no event of a machine with `contacts` contacts.
 std::vector<ContactEvent> to_events(const py::object& events, std::size_t contacts);
 

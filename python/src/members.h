@@ -40,9 +40,7 @@ SPRAG_MEMBERS(Prior, start, uncertainty, sigma, drift, jitter, confidence, toler
               parameters)
 SPRAG_MEMBERS(Truth, start, given, release_penetration)
 // Without the reader's remarks, which are about the text of a file.
-template <typename T>
-requires std::same_as<std::remove_const_t<T>, Scene>
-auto members(T& scene) {
+inline auto members(Scene& scene) {
   auto& [name, model, beam, positions, frame, clock, kept, stream_duration, stream_unit, prior,
          truth, remarks] = scene;
   static_cast<void>(remarks);

@@ -62,7 +62,7 @@ PYBIND11_MODULE(_core, module) {
                                    errors.attr("ModelError"), errors.attr("SimulationError"),
                                    errors.attr("BusError"),   errors.attr("InputError")};
   py::register_local_exception_translator(&translate);
-  module.attr("event_dtype") = event_dtype();
+  module.attr("event_dtype") = make_event_dtype();
   bind_machines(module);
   bind_runs(module);
   bind_analyses(module);

@@ -2,21 +2,22 @@
 // that it needs; numbers keep all their bits.
 #pragma once
 
+#include <pybind11/eigen.h>
 #include <pybind11/pybind11.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <string_view>
 #include <tuple>
 #include <type_traits>
 #include <utility>
@@ -28,12 +29,10 @@
 
 /// Lists all members of an aggregate in the order of their declaration, next to the namespace of
 /// the class. A list of another length does not compile.
-#define SPRAG_MEMBERS(Class, ...)                      \
-  template <typename T>                                \
-  requires std::same_as<std::remove_const_t<T>, Class> \
-  auto members(T& object) {                            \
-    auto& [__VA_ARGS__] = object;                      \
-    return std::tie(__VA_ARGS__);                      \
+#define SPRAG_MEMBERS(Class, ...)      \
+  inline auto members(Class& object) { \
+    auto& [__VA_ARGS__] = object;      \
+    return std::tie(__VA_ARGS__);      \
   }
 
 namespace sprag::python {
@@ -55,162 +54,138 @@ constexpr bool is_array = false;
 template <typename T, std::size_t n>
 constexpr bool is_array<std::array<T, n>> = true;
 
-/// Appends the members of values to a string of bytes. Objects with several owners are written
-/// once.
-class Packer {
+/// The bytes of values, which it writes, or reads into them. Objects with several owners are there
+/// once. Reading throws std::invalid_argument at the end of the bytes.
+class Archive {
  public:
-  /// For comparison, 0 and -0 are written alike, and so are all nan.
-  explicit Packer(bool for_comparison) : for_comparison_(for_comparison) {}
+  /// Writes. For comparison, 0 and -0 are written alike, and so are all nan.
+  explicit Archive(bool for_comparison) : for_comparison_(for_comparison) {}
+  explicit Archive(std::string bytes) : reads_(true), bytes_(std::move(bytes)) {}
 
+  /// Changes the value only in reading.
   template <typename T>
-  void add(const T& value) {
+  void pass(T& value) {
     if constexpr (Plain<T>) {
-      add_plain(value);
+      pass_plain(value);
     } else if constexpr (std::same_as<T, std::string>) {
-      add(value.size());
-      bytes_ += value;
+      pass_size(value);
+      pass_bytes(value.data(), value.size());
     } else if constexpr (EigenDense<T>) {
-      add(value.rows());
-      add(value.cols());
-      for (Eigen::Index i = 0; i < value.size(); ++i) add(value.data()[i]);
+      Eigen::Index rows = value.rows(), columns = value.cols();
+      pass(rows);
+      pass(columns);
+      if (reads_) {
+        const auto most = static_cast<Eigen::Index>(left());
+        require(rows >= 0 && columns >= 0 && (columns == 0 || rows <= most / columns));
+        value.resize(rows, columns);
+      }
+      for (Eigen::Index i = 0; i < value.size(); ++i) pass(value.data()[i]);
     } else if constexpr (instance<std::vector, T>) {
-      add(value.size());
-      for (const typename T::value_type& of : value) add(of);
+      pass_size(value);
+      for (auto&& of : value) {
+        typename T::value_type entry = of;  // of std::vector<bool> `of` is no reference
+        pass(entry);
+        if (reads_) of = std::move(entry);
+      }
     } else if constexpr (is_array<T>) {
-      for (const auto& of : value) add(of);
+      for (auto& of : value) pass(of);
     } else if constexpr (instance<std::optional, T>) {
-      add(value.has_value());
-      if (value) add(*value);
+      bool given = value.has_value();
+      pass(given);
+      if (reads_ && given) value.emplace();
+      if (given) pass(*value);
     } else if constexpr (instance<std::pair, T>) {
-      add(value.first);
-      add(value.second);
+      pass(value.first);
+      pass(value.second);
     } else if constexpr (instance<std::shared_ptr, T>) {
-      add_shared(value);
-    } else if constexpr (std::same_as<T, SampledInput>) {
-      if (value.is_streamed()) throw std::invalid_argument("a streamed input is no value");
-      add(value.sample_times());
-      add(value.sample_values());
-      add(value.settings());
+      pass_shared(value);
     } else {
-      std::apply([this](const auto&... of) { (add(of), ...); }, members(value));
+      std::apply([this](auto&... of) { (pass(of), ...); }, members(value));
     }
   }
 
   std::string bytes() && { return std::move(bytes_); }
 
  private:
+  std::size_t left() const { return bytes_.size() - at_; }
+
+  static void require(bool holds) {
+    if (!holds) throw std::invalid_argument("the state of the value is too short");
+  }
+
+  void pass_bytes(void* data, std::size_t size) {
+    if (!reads_) {
+      bytes_.append(static_cast<const char*>(data), size);
+      return;
+    }
+    require(size <= left());
+    std::copy_n(bytes_.data() + at_, size, static_cast<char*>(data));
+    at_ += size;
+  }
+
   template <typename T>
-  void add_plain(T value) {
+  void pass_plain(T& value) {
+    T same = value;
     if constexpr (std::is_floating_point_v<T>) {
       if (for_comparison_)
-        value = value != value ? std::numeric_limits<T>::quiet_NaN() : value + T{0};
+        same = std::isnan(value) ? std::numeric_limits<T>::quiet_NaN() : value + T{0};
     }
-    bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
+    pass_bytes(reads_ ? &value : &same, sizeof value);
+  }
+
+  template <typename Container>
+  void pass_size(Container& container) {
+    std::size_t size = container.size();
+    pass(size);
+    if (!reads_) return;
+    require(size <= left());
+    container.resize(size);
   }
 
   // 0: none; k: the k-th object, which follows where it is new.
   template <typename T>
-  void add_shared(const std::shared_ptr<T>& pointer) {
-    if (!pointer) return add(std::size_t{0});
-    std::size_t k = 0;
-    while (k < shared_.size() && shared_[k] != pointer.get()) ++k;
-    add(k + 1);
-    if (k < shared_.size()) return;
-    shared_.push_back(pointer.get());
-    add(*pointer);
-  }
-
-  bool for_comparison_;
-  std::string bytes_;
-  std::vector<const void*> shared_;
-};
-
-/// Reads what Packer has written. Throws std::invalid_argument at the end of the bytes.
-class Unpacker {
- public:
-  explicit Unpacker(std::string_view bytes) : bytes_(bytes) {}
-
-  template <typename T>
-  T take() {
-    if constexpr (Plain<T>) {
-      T value;
-      std::memcpy(&value, taken(sizeof value).data(), sizeof value);
-      return value;
-    } else if constexpr (std::same_as<T, std::string>) {
-      return std::string(taken(take<std::size_t>()));
-    } else if constexpr (EigenDense<T>) {
-      return take_dense<T>();
-    } else if constexpr (instance<std::vector, T>) {
-      T values;
-      for (auto n = take<std::size_t>(); n > 0; --n) {
-        values.push_back(take<typename T::value_type>());
-      }
-      return values;
-    } else if constexpr (is_array<T>) {
-      T values;
-      for (auto& of : values) of = take<typename T::value_type>();
-      return values;
-    } else if constexpr (instance<std::optional, T>) {
-      return take<bool>() ? T(take<typename T::value_type>()) : T();
-    } else if constexpr (instance<std::pair, T>) {
-      T pair;
-      pair.first = take<typename T::first_type>();
-      pair.second = take<typename T::second_type>();
-      return pair;
-    } else if constexpr (instance<std::shared_ptr, T>) {
-      return take_shared<typename T::element_type>();
-    } else if constexpr (std::same_as<T, SampledInput>) {
-      const auto t = take<std::vector<double>>(), values = take<std::vector<double>>();
-      return SampledInput(t, values, take<SampledInput::Settings>());
-    } else {
-      T value{};
-      std::apply([this](auto&... of) { ((of = take<std::remove_cvref_t<decltype(of)>>()), ...); },
-                 members(value));
-      return value;
-    }
-  }
-
- private:
-  std::string_view taken(std::size_t n) {
-    if (n > bytes_.size()) throw std::invalid_argument("the state of the value is too short");
-    const std::string_view first = bytes_.substr(0, n);
-    bytes_.remove_prefix(n);
-    return first;
-  }
-
-  template <typename T>
-  T take_dense() {
-    const auto rows = take<Eigen::Index>(), columns = take<Eigen::Index>();
-    const auto most = static_cast<Eigen::Index>(bytes_.size() / sizeof(typename T::Scalar));
-    if (rows < 0 || columns < 0 || (columns > 0 && rows > most / columns)) {
-      throw std::invalid_argument("the state of the value is too short");
-    }
-    T value(rows, columns);
-    for (Eigen::Index i = 0; i < value.size(); ++i) value.data()[i] = take<typename T::Scalar>();
-    return value;
-  }
-
-  template <typename T>
-  std::shared_ptr<T> take_shared() {
-    const auto k = take<std::size_t>();
-    if (k == 0) return nullptr;
+  void pass_shared(std::shared_ptr<const T>& pointer) {
+    const auto known = std::find(shared_.begin(), shared_.end(), pointer);
+    auto k = pointer ? static_cast<std::size_t>(known - shared_.begin()) + 1 : 0;
+    pass(k);
     if (k > shared_.size()) {
-      auto object = std::make_shared<T>(take<std::remove_const_t<T>>());
-      shared_.push_back(object);
-      return object;
+      pass_object(pointer);
+      shared_.push_back(pointer);
+    } else if (k > 0) {
+      pointer = std::static_pointer_cast<const T>(shared_[k - 1]);
     }
-    return std::const_pointer_cast<T>(std::static_pointer_cast<const T>(shared_[k - 1]));
   }
 
-  std::string_view bytes_;
+  template <typename T>
+  void pass_object(std::shared_ptr<const T>& pointer) {
+    auto object = reads_ ? std::make_shared<T>() : std::const_pointer_cast<T>(pointer);
+    pass(*object);
+    pointer = object;
+  }
+
+  void pass_object(SampledInputPointer& input) {
+    if (!reads_ && input->is_streamed())
+      throw std::invalid_argument("a streamed input is no value");
+    auto t = reads_ ? std::vector<double>() : input->sample_times();
+    auto values = reads_ ? std::vector<double>() : input->sample_values();
+    auto settings = reads_ ? SampledInput::Settings() : input->settings();
+    pass(t);
+    pass(values);
+    pass(settings);
+    if (reads_) input = std::make_shared<const SampledInput>(t, values, settings);
+  }
+
+  bool for_comparison_ = false, reads_ = false;
+  std::string bytes_;
+  std::size_t at_ = 0;  // of the next byte to read
   std::vector<std::shared_ptr<const void>> shared_;
 };
 
 template <typename T>
 std::string packed(const T& value, bool for_comparison) {
-  Packer packer(for_comparison);
-  packer.add(value);
-  return std::move(packer).bytes();
+  Archive archive(for_comparison);
+  archive.pass(const_cast<T&>(value));
+  return std::move(archive).bytes();
 }
 
 /// What the members and functions of a path lead to: `&Scene::prior, &Prior::drift`.
@@ -238,19 +213,20 @@ struct ValueClass : py::class_<T, Options...> {
   /// and its handle. Vectors, matrices and events are read-only views.
   template <typename First, typename... Rest>
   ValueClass& get(const char* name, const char* doc, const First& first, const Rest&... rest) {
+    using Self = std::conditional_t<std::is_invocable_v<First, const T&>, const T, T>;
     if constexpr (std::is_invocable_v<First, T&, py::handle>) {
       this->def_property_readonly(
           name, [first](const py::object& self) { return first(self.cast<T&>(), self); }, doc);
-    } else if constexpr (Viewed<decltype(follow_path(std::declval<T&>(), first, rest...))>) {
+    } else if constexpr (Viewed<decltype(follow_path(std::declval<Self&>(), first, rest...))>) {
       this->def_property_readonly(
           name,
           [=](const py::object& self) {
-            return view(follow_path(self.cast<T&>(), first, rest...), self);
+            return view(follow_path(self.cast<Self&>(), first, rest...), self);
           },
           doc);
     } else {
       this->def_property_readonly(
-          name, [=](T& of) -> decltype(auto) { return follow_path(of, first, rest...); },
+          name, [=](Self& of) -> decltype(auto) { return follow_path(of, first, rest...); },
           py::return_value_policy::reference_internal, doc);
     }
     return *this;
@@ -289,8 +265,9 @@ ValueClass<T, Options...> value_class(py::handle module, const char* name, const
             if (state.size() != 2 || !py::str(SPRAG_VERSION).equal(py::object(state[0]))) {
               throw std::invalid_argument("pickled by another version of Sprag");
             }
-            const std::string bytes = state[1].cast<py::bytes>();
-            return Unpacker(bytes).take<T>();
+            T value{};
+            Archive(state[1].cast<std::string>()).pass(value);
+            return value;
           }))
       .def("__repr__", shown_by("one_line"))
       .def("_repr_html_", shown_by("as_html"));
