@@ -16,6 +16,7 @@
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/members.h"
+#include "python/src/settings.h"
 #include "sprag/beam.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/files/shipped_scenes.h"
@@ -186,12 +187,6 @@ Rows gaps_of(const Scene& scene, const Eigen::VectorXd& t, const Rows& q) {
   return gaps;
 }
 
-ImpactLaw to_law(const std::string& law) {
-  if (law == "poisson") return ImpactLaw::poisson;
-  require(law == "newton", "law is \"" + law + "\"; must be \"poisson\" or \"newton\"");
-  return ImpactLaw::newton;
-}
-
 void require_symmetric(const char* name, const Eigen::MatrixXd& matrix, Eigen::Index f) {
   const std::string is(name);
   require(matrix.rows() == f && matrix.cols() == f && f > 0,
@@ -222,7 +217,8 @@ std::shared_ptr<Model> finished(Model model, std::vector<Contact> contacts,
   require(!contacts.empty() && contacts.size() <= max_contacts,
           "a machine has from 1 to " + std::to_string(max_contacts) + " contacts");
   model.contacts = std::move(contacts);
-  model.law = to_law(law);
+  model.law = chosen<ImpactLaw>("law", law,
+                                {{"poisson", ImpactLaw::poisson}, {"newton", ImpactLaw::newton}});
   return std::make_shared<Model>(std::move(model));
 }
 
@@ -256,17 +252,12 @@ std::shared_ptr<Model> make_model(Eigen::MatrixXd M, std::optional<Eigen::Matrix
   return finished(std::move(model), std::move(contacts), law);
 }
 
-Side to_side(const std::string& side) {
-  if (side == "below") return Side::below;
-  require(side == "above", "side is \"" + side + "\"; must be \"below\" or \"above\"");
-  return Side::above;
-}
-
 Contact make_beam_contact(const Beam& beam, double position, double restitution,
                           const std::string& side, double clearance, const Harmonic& motion) {
   require(position > 0.0 && position <= beam.length,
           "position is " + std::to_string(position) + "; must be in (0, length]");
-  return beam_contact(beam, position, to_side(side), required_finite("clearance", clearance),
+  const auto at = chosen<Side>("side", side, {{"below", Side::below}, {"above", Side::above}});
+  return beam_contact(beam, position, at, required_finite("clearance", clearance),
                       required_restitution(restitution), motion);
 }
 
@@ -328,9 +319,7 @@ void shake(const Harmonic& motion, const NumberOrVector& influence,
   model.forces.push_back(frame_force(model.M, frame));
   for (std::size_t i = 0; i < model.contacts.size(); ++i) {
     const std::string on = mount ? (*mount)[i] : "ground";
-    require(on == "ground" || on == "frame",
-            "mount is \"" + on + "\"; must be \"ground\" or \"frame\"");
-    if (on == "frame") continue;
+    if (chosen<bool>("mount", on, {{"ground", false}, {"frame", true}})) continue;
     require(model.contacts[i].motion.amplitude == 0.0,
             "contact " + std::to_string(i + 1) +
                 " has a motion of its own; must be mounted on the frame");
@@ -362,49 +351,6 @@ void keep_modes(int modes, const std::vector<int>& static_vectors, Scene& scene)
     scene.model.forces[scene.frame->force] = frame_force(scene.model.M, *scene.frame);
   }
   scene.kept = std::move(kept);
-}
-
-std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const State& replica,
-                                  const std::optional<Eigen::VectorXd>& uncertainty, double drift,
-                                  double jitter, std::optional<double> chatter_time,
-                                  std::string name, const std::optional<State>& sigma,
-                                  const std::optional<Tolerance>& tolerance,
-                                  const std::optional<Harmonic>& excitation,
-                                  const std::optional<NumberOrVector>& influence,
-                                  const std::optional<std::vector<std::string>>& mount,
-                                  std::optional<int> modes,
-                                  const std::vector<int>& static_vectors) {
-  auto scene = std::make_shared<Scene>();
-  scene->name = std::move(name);
-  scene->model = model;
-  require(excitation.has_value() == influence.has_value() && (excitation || !mount),
-          "excitation and influence belong together, and mount to them");
-  if (excitation) shake(*excitation, *influence, mount, *scene);
-  scene->truth.start = padded("master", master, model.coordinates());
-  scene->prior.start = padded("replica", replica, model.coordinates());
-  require(modes || static_vectors.empty(), "static_vectors needs modes");
-  if (modes) keep_modes(*modes, static_vectors, *scene);
-  const Eigen::Index f = scene->model.coordinates();
-  require_outside(*scene);
-  if (uncertainty) {
-    require(uncertainty->size() == f && uncertainty->allFinite() && uncertainty->minCoeff() > 0.0,
-            "uncertainty must have " + std::to_string(f) + " energies > 0");
-    scene->prior.uncertainty = *uncertainty;
-  }
-  if (sigma) {
-    require(!uncertainty, "uncertainty and sigma exclude each other");
-    require_sigmas(*sigma, f);
-    scene->prior.sigma = sigma;
-  }
-  scene->prior.drift = required_not_negative("drift", drift);
-  scene->prior.jitter = required_not_negative("jitter", jitter);
-  if (tolerance) scene->prior.tolerance = *tolerance;
-  if (chatter_time) {
-    scene->model.chatter_time = required_positive("chatter_time", *chatter_time);
-  } else {
-    set_chatter_time(scene->model, scene->truth.start);
-  }
-  return scene;
 }
 
 // The scene with other values of parameters, by their keys in scene files.
@@ -447,14 +393,6 @@ ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, d
   return parameters;
 }
 
-ConfidenceLevel to_confidence(const std::string& given) {
-  for (const auto& [name, level] : confidence_choices<ConfidenceLevel>()) {
-    if (given == name) return level;
-  }
-  throw std::invalid_argument("confidence is \"" + given +
-                              "\"; must be \"low\", \"medium\" or \"high\"");
-}
-
 std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& master,
                                 const std::optional<State>& replica,
                                 const std::optional<NumberOrVector>& uncertainty,
@@ -491,14 +429,43 @@ std::shared_ptr<Scene> replaced(const Scene& scene, const std::optional<State>& 
   if (name) changed->name = *name;
   if (tolerance) prior.tolerance = *tolerance;
   if (parameters) prior.parameters = uncertain(scene, *parameters);
-  if (confidence) prior.confidence = to_confidence(*confidence);
+  if (confidence) {
+    prior.confidence = chosen("confidence", *confidence, confidence_choices<ConfidenceLevel>());
+  }
   return changed;
 }
 
-std::shared_ptr<Scene> with_warnings(Scene scene) {
-  for (const std::string& remark : scene.remarks) {
-    if (PyErr_WarnEx(PyExc_RuntimeWarning, remark.c_str(), 1) != 0) throw py::error_already_set();
+std::shared_ptr<Scene> make_scene(const Model& model, const State& master, const State& replica,
+                                  const std::optional<NumberOrVector>& uncertainty, double drift,
+                                  double jitter, std::optional<double> chatter_time,
+                                  std::string name, const std::optional<State>& sigma,
+                                  const std::optional<Tolerance>& tolerance,
+                                  const std::optional<Harmonic>& excitation,
+                                  const std::optional<NumberOrVector>& influence,
+                                  const std::optional<std::vector<std::string>>& mount,
+                                  std::optional<int> modes,
+                                  const std::vector<int>& static_vectors) {
+  Scene scene;
+  scene.name = std::move(name);
+  scene.model = model;
+  require(excitation.has_value() == influence.has_value() && (excitation || !mount),
+          "excitation and influence belong together, and mount to them");
+  if (excitation) shake(*excitation, *influence, mount, scene);
+  scene.truth.start = padded("master", master, model.coordinates());
+  scene.prior.start = padded("replica", replica, model.coordinates());
+  require(modes || static_vectors.empty(), "static_vectors needs modes");
+  if (modes) keep_modes(*modes, static_vectors, scene);
+  require_outside(scene);
+  if (chatter_time) {
+    scene.model.chatter_time = required_positive("chatter_time", *chatter_time);
+  } else {
+    set_chatter_time(scene.model, scene.truth.start);
   }
+  return replaced(scene, {}, {}, uncertainty, sigma, drift, jitter, {}, tolerance, {}, {});
+}
+
+std::shared_ptr<Scene> with_warnings(Scene scene) {
+  for (const std::string& remark : scene.remarks) warn(remark);
   return std::make_shared<Scene>(std::move(scene));
 }
 
@@ -735,15 +702,17 @@ void bind_scene(py::module_& module) {
   SceneClass of_scene = value_class<Scene, std::shared_ptr<Scene>>(
       module, "Scene",
       "A machine, the starts of its master and its replica, and their uncertainty. Starts may have "
-      "fewer than f entries: the rest is 0. uncertainty: f energies of the replica's start, or in "
-      "its place sigma: standard deviations of its q and u, as a State; drift: energy per unit of "
-      "time; jitter: standard deviation of event times [s]; chatter_time [s]: from the machine's "
-      "own time where it is not given; tolerance: hard limits of deviations, for the bound on V. "
-      "excitation: motion e(t) of a shaken frame [m], against which the model's coordinates are "
-      "measured, with influence r in its force -M r e''(t), one number or f; mount: \"ground\" "
-      "(default) or \"frame\" for each contact. modes: number of lowest modes to keep, and "
-      "static_vectors: orders of static vectors of the contacts; model and starts then have the N "
-      "coordinates of the given model, all else those of kept.");
+      "fewer than f entries: the rest is 0. uncertainty: energy of the replica's start, or f of "
+      "them, or in its place sigma: standard deviations of its q and u, as a State; drift: energy "
+      "per unit of time; jitter: standard deviation of event times [s]; chatter_time [s]: from the "
+      "machine's own time where it is not given; tolerance: hard limits of deviations, for the "
+      "bound on V. excitation: motion e(t) of a shaken frame [m], against which the model's "
+      "coordinates are measured, with influence r in its force -M r e''(t), one number or f; "
+      "mount: "
+      "\"ground\" (default) or \"frame\" for each contact. modes: number of lowest modes to keep, "
+      "and static_vectors: orders of static vectors of the contacts; model and starts then have "
+      "the "
+      "N coordinates of the given model, all else those of kept.");
   of_scene
       .def(py::init(&make_scene), "model"_a, py::kw_only(), "master"_a = State{},
            "replica"_a = State{}, "uncertainty"_a = py::none(), "drift"_a = 0.0, "jitter"_a = 0.0,
@@ -753,14 +722,14 @@ void bind_scene(py::module_& module) {
       .def("with_values", &with_values, "values"_a,
            "The scene with other values of parameters: a dict by their keys in scene files, such "
            "as 'impact.restitution' or 'system.K' (a factor). Raises ValueError.")
-      .def("replace", &replaced, py::kw_only(), "master"_a = py::none(), "replica"_a = py::none(),
-           "uncertainty"_a = py::none(), "sigma"_a = py::none(), "drift"_a = py::none(),
-           "jitter"_a = py::none(), "name"_a = py::none(), "tolerance"_a = py::none(),
-           "parameters"_a = py::none(), "confidence"_a = py::none(),
-           "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
-           "as of Scene(), uncertainty also as one energy; parameters: standard deviations of "
-           "uncertain parameters, a dict by their keys in scene files; confidence: \"low\", "
-           "\"medium\" or \"high\". Raises ValueError.")
+      .def(
+          "replace", &replaced, py::kw_only(), "master"_a = py::none(), "replica"_a = py::none(),
+          "uncertainty"_a = py::none(), "sigma"_a = py::none(), "drift"_a = py::none(),
+          "jitter"_a = py::none(), "name"_a = py::none(), "tolerance"_a = py::none(),
+          "parameters"_a = py::none(), "confidence"_a = py::none(),
+          "The scene with other starts and uncertainties, in the scene's f coordinates; arguments "
+          "as of Scene(); parameters: standard deviations of uncertain parameters, a dict by their "
+          "keys in scene files; confidence: \"low\", \"medium\" or \"high\". Raises ValueError.")
       .get("name", "Name for people.", &Scene::name)
       .get("kept", "The KeptModes of a scene with system.modes; None: all coordinates are kept.",
            [](const Scene& scene) { return scene.kept.get(); });

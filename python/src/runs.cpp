@@ -108,20 +108,16 @@ std::map<std::string, std::int64_t> skipped_by_reason(const EventCounts& counts)
           {"contradicting", counts.of(Skip::contradicting)}};
 }
 
-void warn(const std::filesystem::path& file, const FileProblem& problem) {
-  const std::string text = file.string() + ":" + std::to_string(problem.line) + ": " + problem.what;
-  if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
-}
-
-py::array events_of_file(const std::filesystem::path& file, const Scene& scene) {
-  EventsFile recorded = read_events(file, static_cast<int>(scene.model.contacts.size()));
-  for (const FileProblem& problem : recorded.skipped) warn(file, problem);
-  if (recorded.damage) warn(file, *recorded.damage);
+py::array events_of_file(const std::filesystem::path& path, const Scene& scene) {
+  const std::string file = path.string();
+  EventsFile recorded = read_events(path, static_cast<int>(scene.model.contacts.size()));
+  if (recorded.damage) recorded.skipped.push_back(*recorded.damage);
+  for (const FileProblem& problem : recorded.skipped) {
+    warn(file + ":" + std::to_string(problem.line) + ": " + problem.what);
+  }
   if (const std::size_t before = to_machine_time(scene.clock, recorded); before > 0) {
-    const std::string text = file.string() + ": " + std::to_string(before) +
-                             (before == 1 ? " event" : " events") +
-                             " before the machine's t = 0, by clock.offset, left out";
-    if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
+    warn(file + ": " + std::to_string(before) + (before == 1 ? " event" : " events") +
+         " before the machine's t = 0, by clock.offset, left out");
   }
   return owned(std::move(recorded.events));
 }
@@ -303,33 +299,40 @@ struct Energies {
 };
 SPRAG_MEMBERS(Energies, V, V_i)
 
-// n x columns; one state counts as one row.
-struct Given {
-  const double* data;
-  Eigen::Index rows, columns;
+// One state counts as one row.
+Eigen::Map<const Rows> rows_of(const char* name, const Table& table) {
+  if (table.ndim() != 1 && table.ndim() != 2) {
+    throw std::invalid_argument(std::string(name) + " must have one dimension or two");
+  }
+  return {table.data(), table.ndim() == 1 ? 1 : table.shape(0), table.shape(table.ndim() - 1)};
+}
 
-  explicit Given(const char* name, const Table& table) : data(table.data()) {
-    if (table.ndim() != 1 && table.ndim() != 2) {
-      throw std::invalid_argument(std::string(name) + " must have one dimension or two");
+// q_m and u_m: n x f; q and u: n rows, f columns or fewer.
+Energies energies_of(const Scene& scene, const Table& of_q_m, const Table& of_u_m,
+                     const Table& of_q, const Table& of_u) {
+  const auto q_m = rows_of("q_m", of_q_m), u_m = rows_of("u_m", of_u_m), q = rows_of("q", of_q),
+             u = rows_of("u", of_u);
+  const Eigen::Index f = scene.model.coordinates(), n = q_m.rows();
+  if (q_m.cols() != f || u_m.cols() != f) {
+    throw std::invalid_argument("q_m and u_m must have " + std::to_string(f) + " columns");
+  }
+  if (q.cols() > f || u.cols() > f) {
+    throw std::invalid_argument("q and u must have at most " + std::to_string(f) + " columns");
+  }
+  if (u_m.rows() != n || q.rows() != n || u.rows() != n) {
+    throw std::invalid_argument("q_m, u_m, q and u must have as many rows");
+  }
+  return long_call([&] {
+    const ErrorEnergy energy(scene.model);
+    Energies all{Eigen::VectorXd(n), Rows(n, f)};
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const Eigen::VectorXd of_tick = energy(q_m.row(k).transpose(), u_m.row(k).transpose(),
+                                             q.row(k).transpose(), u.row(k).transpose());
+      all.V[k] = of_tick[0];
+      all.V_i.row(k) = of_tick.tail(f);
     }
-    rows = table.ndim() == 1 ? 1 : table.shape(0);
-    columns = table.shape(table.ndim() - 1);
-  }
-  Eigen::Map<const Eigen::VectorXd> row(Eigen::Index k) const {
-    return {data + k * columns, columns};
-  }
-};
-
-Energies energies_of(const Scene& scene, const Given& q_m, const Given& u_m, const Given& q,
-                     const Given& u) {
-  const ErrorEnergy energy(scene.model);
-  Energies all{Eigen::VectorXd(q_m.rows), Rows(q_m.rows, scene.model.coordinates())};
-  for (Eigen::Index k = 0; k < q_m.rows; ++k) {
-    const Eigen::VectorXd of_tick = energy(q_m.row(k), u_m.row(k), q.row(k), u.row(k));
-    all.V[k] = of_tick[0];
-    all.V_i.row(k) = of_tick.tail(of_tick.size() - 1);
-  }
-  return all;
+    return all;
+  });
 }
 
 void bind_energies(py::module_& module) {
@@ -338,25 +341,7 @@ void bind_energies(py::module_& module) {
       .get("V", "n entries, >= 0.", &Energies::V)
       .get("V_i", "Parts that belong to the natural modes, n x f; rows sum to V.", &Energies::V_i);
   module.def(
-      "energies",
-      [](const Scene& scene, const Table& q_m, const Table& u_m, const Table& q, const Table& u) {
-        const Given of_q_m("q_m", q_m), of_u_m("u_m", u_m), of_q("q", q), of_u("u", u);
-        const Eigen::Index f = scene.model.coordinates();
-        if (of_q_m.columns != f || of_u_m.columns != f) {
-          throw std::invalid_argument("q_m and u_m must have " + std::to_string(f) + " columns");
-        }
-        if (of_q.columns > f || of_u.columns > f) {
-          throw std::invalid_argument("q and u must have at most " + std::to_string(f) +
-                                      " columns");
-        }
-        for (const Given* given : {&of_u_m, &of_q, &of_u}) {
-          if (given->rows != of_q_m.rows) {
-            throw std::invalid_argument("q_m, u_m, q and u must have as many rows");
-          }
-        }
-        return long_call([&] { return energies_of(scene, of_q_m, of_u_m, of_q, of_u); });
-      },
-      "scene"_a, "q_m"_a, "u_m"_a, "q"_a, "u"_a,
+      "energies", &energies_of, "scene"_a, "q_m"_a, "u_m"_a, "q"_a, "u"_a,
       "V between a machine q_m, u_m (n x f) and an estimate q, u (n x f or fewer columns; missing "
       "ones count as zero), in the scene's unit of energy. Raises ModelError or ValueError.");
 }
@@ -446,13 +431,25 @@ void bind_check(py::module_& module) {
 
 }  // namespace
 
+void refuse_choice(const std::string& what, const std::string& given,
+                   const std::vector<std::string>& choices) {
+  std::string text = what + " is \"" + given + "\"; must be ";
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    if (i > 0) text += i + 1 == choices.size() ? " or " : ", ";
+    text += '"' + choices[i] + '"';
+  }
+  throw std::invalid_argument(text);
+}
+
 EstimatorKind to_estimator(const std::string& name) {
-  if (name == "both") return EstimatorKind::both;
-  if (name == "timing") return EstimatorKind::timing;
-  if (name == "replica") return EstimatorKind::replica;
-  if (name == "adaptive") return EstimatorKind::adaptive;
-  throw std::invalid_argument("estimator is \"" + name +
-                              "\"; must be \"both\", \"timing\", \"replica\" or \"adaptive\"");
+  using enum EstimatorKind;
+  return chosen<EstimatorKind>(
+      "estimator", name,
+      {{"both", both}, {"timing", timing}, {"replica", replica}, {"adaptive", adaptive}});
+}
+
+void warn(const std::string& text) {
+  if (PyErr_WarnEx(PyExc_RuntimeWarning, text.c_str(), 1) != 0) throw py::error_already_set();
 }
 
 ObserverSettings to_settings(double tick, const std::string& estimator) {
