@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, NoReturn
 from . import _core
 from ._command import scenes_folder
 from ._errors import Error, InputError, SceneError
+from ._figures import figures
 
 MOST_RUNS = 9e15  # in all, so that every index is a double
 MOST_POINTS = 10_000_000  # of an axis
@@ -101,21 +102,17 @@ def _node(given: Any) -> Node:
     return Node(value, *place)
 
 
-def _place_of_key(item: tuple[str, Node]) -> tuple[int, int]:
-    return item[1].key_line, item[1].key_column
-
-
 class Table:
     """A table of a study file. Wrong values raise SceneError with their place."""
 
     def __init__(self, file: str, node: Node, path: str, keys: Sequence[str]) -> None:
         self.file, self.node, self.path = file, node, path
-        for key, entry in sorted(node.value.items(), key=_place_of_key):
+        entries = node.value.items()
+        for key, entry in sorted(entries, key=lambda item: (item[1].key_line, item[1].key_column)):
             if key not in keys:
                 near = _near(key, keys)
                 better = f"did you mean {near}?" if near else f"must be one of {', '.join(keys)}"
-                place = entry.key_line, entry.key_column
-                self._raise(place, f"unknown key {self._path(key)}; {better}")
+                self._raise(entry[3:5], f"unknown key {self._path(key)}; {better}")
 
     def _raise(self, place: tuple[int, int], message: str) -> NoReturn:
         text = f"{self.file}:{place[0]}:{place[1]}: {message}"
@@ -145,7 +142,9 @@ class Table:
             self.fail(key, f"is {node.kind}; must be {wanted}")
         return node.value
 
-    def string(self, key: str) -> str:
+    def string(self, key: str, default: str | None = None) -> str:
+        if default is not None and not self.has(key):
+            return default
         return str(self._typed(key, str, "a string"))
 
     def boolean(self, key: str) -> bool:
@@ -197,10 +196,11 @@ class Table:
 
     def table(self, key: str, keys: Sequence[str]) -> Table:
         """Empty if the key is absent."""
-        if not self.has(key):
-            return Table(self.file, self.node._replace(value={}), self._path(key), keys)
-        self._typed(key, dict, "a table")
-        return Table(self.file, self.node.value[key], self._path(key), keys)
+        node = self.node._replace(value={})
+        if self.has(key):
+            self._typed(key, dict, "a table")
+            node = self.node.value[key]
+        return Table(self.file, node, self._path(key), keys)
 
 
 def _is_number(node: Node) -> bool:
@@ -476,7 +476,7 @@ class _Variations:
             axis.values = numbers
         if kind == "relative":
             self._make_relative(axis, node)
-        return table.string("zip") if table.has("zip") else ""
+        return table.string("zip", "")
 
     def _make_relative(self, axis: Axis, node: Node) -> None:
         study = self.study
@@ -609,7 +609,7 @@ def read_study_file(given: str | os.PathLike[str]) -> StudyFile:
     keys = ["name", "scene", "seed", "draws", "runs", "duration", "tick", "samples", "estimators"]
     keys += ["threshold", "record", "machine", "disturbance", "start", "vary"]
     root = Table(file, _node(_core._parse_toml(study.text, file)), "", keys)
-    study.name = root.string("name") if root.has("name") else Path(file).stem
+    study.name = root.string("name", Path(file).stem)
     scene = root.string("scene")
     beside = Path(file).parent / scene
     found = beside if beside.is_file() else _shipped(scene, scenes_folder())
@@ -623,7 +623,7 @@ def read_study_file(given: str | os.PathLike[str]) -> StudyFile:
 
     most = 1_000_000_000
     study.seed = root.integer("seed", 1, 0, most)
-    draws = root.string("draws") if root.has("draws") else "independent"
+    draws = root.string("draws", "independent")
     if draws not in ("independent", "common"):
         root.fail("draws", f'is "{draws}"; must be "independent" or "common"')
     study.common_draws = draws == "common"
@@ -658,16 +658,6 @@ class StudyRuns:
         self.study = read_study_file(given)
         self._trials = _core._Trials()
         self._stopped = False
-
-    @property
-    def remarks(self) -> list[str]:
-        """Remarks about the scene."""
-        return self.study.remarks
-
-    @property
-    def inputs(self) -> list[str]:
-        """The scene, and the files that it names."""
-        return self.study.inputs
 
     @property
     def rows_of_run(self) -> int:
@@ -754,9 +744,15 @@ class StudyRuns:
             given: dict[str, Any] = {
                 k.removeprefix(group): x for k, x in knobs.items() if k.startswith(group)
             }
-            args = (study.estimators, observer, truth, *random, study.threshold)
-            for estimator, of in zip(study.estimators, trials.follow(*args, **given)):
-                row += [getattr(of, record) for record in study.of_estimator(estimator)]
+            followed = trials.follow(study.estimators, observer, truth, *random, **given)
+            V = {name: of.V for name, of in zip(study.estimators, followed)}
+            for name, of in zip(study.estimators, followed):
+                replica = V.get("replica") if name != "replica" else None
+                of_V = figures(of.V, replica, truth.interval, study.threshold)
+                row += [
+                    getattr(of if record in OF_FILTERS else of_V, record)
+                    for record in study.of_estimator(name)
+                ]
             row += [truth.closings] if "impacts" in study.records else []
         if not study.records_any(OF_RECURRENCE):
             return [row]

@@ -585,7 +585,7 @@ def run_study(
         raise ValueError("jobs must be >= 1")
     workers = jobs or os.cpu_count() or 1
     runs = _runs_of(study)
-    for remark in runs.remarks:
+    for remark in runs.study.remarks:
         warnings.warn(remark, RuntimeWarning, stacklevel=2)
     if output is not None:
         with contextlib.closing(Folder(runs, Path(output))) as folder:
@@ -676,7 +676,7 @@ def _folder_named(study: dict[str, Any]) -> Path:
 
 
 def _refuse_overwriting(runs: StudyRuns, folder: Folder, report: str | None) -> None:
-    given = [runs.manifest["study"]["file"], *runs.inputs, *([report] if report else [])]
+    given = [runs.manifest["study"]["file"], *runs.study.inputs, *([report] if report else [])]
     for file in (folder.rows, folder.partly, folder.manifest_file):
         for other in given:
             if os.path.realpath(file) == os.path.realpath(other):
@@ -696,7 +696,7 @@ def _run(options: argparse.Namespace, report: dict[str, Any]) -> int:
             options.report = None  # the first rank writes it
             return EXIT_DONE
         runs = _runs_of(options.STUDY)
-        for remark in runs.remarks:
+        for remark in runs.study.remarks:
             print(printable(remark), file=sys.stderr)
         output = Path(options.output) if options.output else _folder_named(runs.manifest)
         folder = Folder(runs, output, options.shard)

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from . import _command
 from ._command import EXIT_DONE, Parser, SceneFile, UsageError, Written, choose, printable
 from ._errors import Error, ModelError
+from ._figures import figures
 from ._machine import rates_of_excitation
 from ._values import Value
 
@@ -206,9 +207,10 @@ class _Trials:
         first = self._run(self.duration)
         # Twice the time that the replica needs to fall a decade below the target.
         while duration is None and self.duration < longest:
-            args = (["replica"], scene, first, SEED, 0, 0.1 * self.target)
+            args = (["replica"], scene, first, SEED, 0)
             (replica,) = pool.submit(core.follow, *args, or_none=True).result()
-            needed = 2.0 * replica.time_below + ENOUGH_CLOSINGS / rate
+            found = figures(replica.V, None, first.interval, 0.1 * self.target)
+            needed = 2.0 * found.time_below + ENOUGH_CLOSINGS / rate
             if needed <= self.duration:
                 break
             self.duration = min(needed if math.isfinite(needed) else 2 * self.duration, longest)
@@ -295,9 +297,14 @@ class _Trials:
             if wrong is None:
                 return [(math.inf, math.nan)] * len(self.estimators)
             given = wrong
-        args = (self.estimators, given, self._truths[run], SEED, run, self.target)
-        figures = self._core.follow(*args, or_none=True, **disturbance)
-        return [(of.V_floor, of.worse) for of in figures]
+        truth = self._truths[run]
+        args = (self.estimators, given, truth, SEED, run)
+        V = [of.V for of in self._core.follow(*args, or_none=True, **disturbance)]
+        replica = dict(zip(self.estimators, V)).get("replica")
+        found = [
+            figures(of, None if of is replica else replica, truth.interval, self.target) for of in V
+        ]
+        return [(of.V_floor, of.worse) for of in found]
 
     def _wrong(self, key: str, amount: float) -> Scene | None:
         """The observer's scene with a wrong parameter; None if it cannot be off by so much."""

@@ -25,17 +25,23 @@ class InterruptRelay {
 /// Raises the exception of Python's handler of Ctrl-C, or KeyboardInterrupt.
 [[noreturn]] void raise_interrupt();
 
-/// Returns the result of compute(), which must not touch Python objects.
+/// Returns the result of compute(), which must not touch Python objects. `stop` interrupts it.
 template <typename Compute>
-auto long_call(const Compute& compute) {
+auto stoppable_call(const std::stop_token& stop, const Compute& compute) {
   try {
-    const InterruptRelay relay;
-    const StopScope scope(relay.token());
+    const StopScope scope(stop);
     const pybind11::gil_scoped_release released;
     return compute();
   } catch (const Interrupted&) {
     raise_interrupt();
   }
+}
+
+/// The same; Ctrl-C interrupts it.
+template <typename Compute>
+auto long_call(const Compute& compute) {
+  const InterruptRelay relay;
+  return stoppable_call(relay.token(), compute);
 }
 
 }  // namespace sprag::python

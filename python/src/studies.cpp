@@ -51,13 +51,7 @@ constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
 class Trials {
   template <typename Compute>
   auto stoppable(const Compute& compute) const {
-    try {
-      const StopScope scope(stop_.get_token());
-      const py::gil_scoped_release released;
-      return compute();
-    } catch (const Interrupted&) {
-      raise_interrupt();
-    }
+    return stoppable_call(stop_.get_token(), compute);
   }
 
  public:
@@ -79,8 +73,8 @@ class Trials {
   // an infinite V.
   std::vector<Figures> follow(const std::vector<std::string>& estimators, const Scene& observer,
                               const Truth& truth, std::uint64_t seed, std::uint64_t stream,
-                              double threshold, double jitter, double offset, double lost,
-                              double spurious, bool or_none) const {
+                              double jitter, double offset, double lost, double spurious,
+                              bool or_none) const {
     std::vector<EstimatorKind> kinds;
     for (const std::string& name : estimators) kinds.push_back(to_estimator(name));
     return stoppable([&] {
@@ -90,15 +84,12 @@ class Trials {
       std::vector<Figures> figures;
       for (const EstimatorKind kind : kinds) {
         try {
-          figures.push_back(python::follow(kind, observer, events, truth, threshold));
+          figures.push_back(python::follow(kind, observer, events, truth));
         } catch (const ModelError&) {
           if (!or_none) throw;
-          Figures& none = figures.emplace_back();
-          none.V_floor = infinity;
-          none.V.assign(static_cast<std::size_t>(truth.q.cols()), infinity);
+          figures.push_back({std::vector(static_cast<std::size_t>(truth.q.cols()), infinity)});
         }
       }
-      add_worse(kinds, figures);
       return figures;
     });
   }
@@ -294,17 +285,14 @@ void bind_studies(py::module_& module) {
   };
   ValueClass<Truth>(module, "_Truth", "A run of a machine.")
       .get("closings", "Number of events that close a contact.", &closings)
+      .get("interval", "Of the samples [s].", &Truth::interval)
       .get("q", "Coordinates at the samples, n x f.", rows(&Truth::q))
       .get("u", "Velocities at the samples, n x f.", rows(&Truth::u));
-  ValueClass<Figures>(module, "_Figures", "Figures of one estimator in one run.")
-      .get("V_floor", "Median of V, settled.", &Figures::V_floor)
-      .get("V_max", "Largest V, settled.", &Figures::V_max)
-      .get("rate", "Rate of decay of V.", &Figures::rate)
-      .get("time_below", "First time with V below the threshold.", &Figures::time_below)
+  ValueClass<Figures>(module, "_Figures", "One estimator in one run.")
+      .get("V", "At the samples.", &Figures::V)
       .get("nees", "Mean of (error / sigma)^2, settled.", &Figures::nees)
       .get("beyond_3_sigma", "Share of the errors beyond 3 sigma.", &Figures::beyond_3_sigma)
-      .get("trusted", "Share of samples from the filter.", &Figures::trusted)
-      .get("worse", "Share of settled samples with V far above the replica's.", &Figures::worse);
+      .get("trusted", "Share of samples from the filter.", &Figures::trusted);
   ValueClass<Recurrence>(module, "_Recurrence", "What a stroboscope shows of a machine.")
       .get("impacts_per_period", "Impacts per period.", &Recurrence::impacts_per_period)
       .get("lyapunov", "Largest Lyapunov exponent.", &Recurrence::lyapunov)
@@ -318,8 +306,8 @@ void bind_studies(py::module_& module) {
            "Machine and observer with random starts of these energies.")
       .def("run", &Trials::run, "machine"_a, "duration"_a, "tick"_a, "samples"_a)
       .def("follow", &Trials::follow, "estimators"_a, "observer"_a, "truth"_a, "seed"_a, "stream"_a,
-           "threshold"_a, py::kw_only(), "jitter"_a = 0.0, "offset"_a = 0.0, "lost"_a = 0.0,
-           "spurious"_a = 0.0, "or_none"_a = false, "Figures of each estimator.")
+           py::kw_only(), "jitter"_a = 0.0, "offset"_a = 0.0, "lost"_a = 0.0, "spurious"_a = 0.0,
+           "or_none"_a = false, "Figures of each estimator.")
       .def("bound", &Trials::bound, "scene"_a, "tolerance"_a, "uncertainty"_a, "truth"_a,
            "Median of the replica's bound in the second half; infinite if there is none.")
       .def("recurrence", &Trials::recurrence, "machine"_a, "period"_a, "transient"_a, "periods"_a,

@@ -17,25 +17,6 @@ namespace sprag::python {
 namespace {
 
 constexpr double infinite = std::numeric_limits<double>::infinity();
-constexpr double undefined = std::numeric_limits<double>::quiet_NaN();
-constexpr double usual_threshold = 1e-4;  // of V at the start
-constexpr double near_floor = 10.0;
-constexpr double much_worse = 10.0;
-constexpr double rounding = 1e-20;  // of V at the start
-
-double median(std::vector<double> values) {
-  if (values.empty()) return undefined;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  if (values.size() % 2 == 1) return *middle;
-  const double above = *middle;
-  return 0.5 * (*std::max_element(values.begin(), middle) + above);
-}
-
-// The settled samples: the second half of V.
-std::vector<double>::const_iterator settled(const std::vector<double>& V) {
-  return V.begin() + static_cast<std::ptrdiff_t>((V.size() - 1) / 2 + 1);
-}
 
 // Sum of the squared errors over their standard deviations. Infinite standard deviations, which
 // claim nothing, are left out.
@@ -56,28 +37,6 @@ double error_energy(const ErrorEnergy& energy, const Truth& truth, Eigen::Index 
                     const Eigen::VectorXd& q, const Eigen::VectorXd& u) {
   const double V = energy(truth.q.col(sample), truth.u.col(sample), q, u)[0];
   return std::isfinite(V) ? V : infinite;
-}
-
-// Figures that follow from V alone; `interval` between samples.
-Figures figures_of(std::vector<double> samples, double interval, double threshold) {
-  Figures figures;
-  figures.V = std::move(samples);
-  const std::vector<double>& V = figures.V;
-  figures.V_floor = median({settled(V), V.cend()});
-  figures.V_max = *std::max_element(settled(V), V.cend());
-  const auto time_of = [&](std::vector<double>::const_iterator at_sample) {
-    return static_cast<double>(at_sample - V.begin()) * interval;
-  };
-  const double limit = threshold > 0.0 ? threshold : usual_threshold * V.front();
-  const auto below =
-      std::find_if(V.cbegin(), V.cend(), [&](double value) { return value < limit; });
-  figures.time_below = below == V.cend() ? infinite : time_of(below);
-  auto landed = std::find_if(V.cbegin() + 1, V.cend(),
-                             [&](double value) { return value <= near_floor * figures.V_floor; });
-  if (landed == V.cend()) --landed;
-  figures.rate = std::log(V.front() / *landed) / time_of(landed);
-  figures.nees = figures.beyond_3_sigma = figures.trusted = undefined;
-  return figures;
 }
 
 // A random state with this error energy; its direction is uniform on a sphere in the norm of (23)
@@ -195,19 +154,19 @@ void pursue(
 }
 
 Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEvent> events,
-               const Truth& truth, double threshold) {
+               const Truth& truth) {
   TrackingEstimator estimator(scene, truth.tick, kind);
   const bool filter = kind != EstimatorKind::replica;
   const ErrorEnergy energy(truth.model);
   Confidence confidence = estimator.no_confidence();
   const Eigen::Index f = scene.model.coordinates();
   Eigen::VectorXd q(f), u(f);
-  std::vector<double> V;
+  Figures figures;
   NormalizedSquares squares;
   std::int64_t trusted = 0;
   const auto take = [&](Eigen::Index i, const TrackingEstimator::State& state) {
     estimator.output(state, q, u);
-    V.push_back(error_energy(energy, truth, i, q, u));
+    figures.V.push_back(error_energy(energy, truth, i, q, u));
     if (!filter) return;
     estimator.confidence(state, confidence);
     if (i > 0 && confidence.from_filter) ++trusted;
@@ -219,7 +178,6 @@ Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEv
   };
   pursue(estimator, scene.prior.start, events, truth, take);
 
-  Figures figures = figures_of(std::move(V), truth.interval(), threshold);
   if (filter) {
     const auto count = static_cast<double>(squares.count);
     figures.nees = squares.sum / count;
@@ -227,24 +185,6 @@ Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEv
     figures.trusted = static_cast<double>(trusted) / static_cast<double>(truth.samples());
   }
   return figures;
-}
-
-void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures) {
-  const auto replica = std::find(kinds.begin(), kinds.end(), EstimatorKind::replica);
-  if (replica == kinds.end()) return;
-  const auto of_replica = static_cast<std::size_t>(replica - kinds.begin());
-  const std::vector<double>& V_replica = figures[of_replica].V;
-  const double least = rounding * V_replica.front();
-  for (std::size_t e = 0; e < figures.size(); ++e) {
-    if (e == of_replica) continue;
-    const std::vector<double>& V = figures[e].V;
-    std::ptrdiff_t worse = 0;
-    const auto first = settled(V) - V.begin();
-    for (std::size_t i = static_cast<std::size_t>(first); i < V.size(); ++i) {
-      if (V[i] > least && V[i] > much_worse * V_replica[i]) ++worse;
-    }
-    figures[e].worse = static_cast<double>(worse) / static_cast<double>(V.cend() - settled(V));
-  }
 }
 
 }  // namespace sprag::python

@@ -56,32 +56,18 @@ void pursue(
     const Truth& truth,
     const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit);
 
-/// Figures of one estimator in one run. V is (23) of Baumann & Leine 2014. "Settled" means the
-/// second half of the run.
+/// One estimator in one run. "Settled" means the second half of the run.
 struct Figures {
-  double V_floor = 0.0;  ///< median of V, settled
-  double V_max = 0.0;    ///< largest V, settled
-  /// Rate of decay of V: ln(V(0) / V(t)) / t at the first sample t at which V is at most ten times
-  /// the floor.
-  double rate = 0.0;
-  double time_below = 0.0;  ///< first sample with V below the threshold [s]; infinity: none
-  double nees = 0.0;        ///< mean of (error / sigma)^2 of all q and u, settled; NaN: no filter
-  double beyond_3_sigma = 0.0;  ///< fraction of these errors beyond 3 sigma; NaN: no filter
-  double trusted = 0.0;         ///< fraction of samples from the filter; NaN: no filter
-  double worse = std::numeric_limits<double>::quiet_NaN();  ///< see add_worse()
   std::vector<double> V;  ///< at the samples, from the start on; infinity where it is not finite
+  /// Mean of (error / sigma)^2 of all q and u, settled; the fraction of these errors beyond 3
+  /// sigma; and the fraction of samples from the filter. NaN: no filter.
+  double nees = std::numeric_limits<double>::quiet_NaN(), beyond_3_sigma = nees, trusted = nees;
 };
 
 /// Runs an estimator. `scene` is its model of the machine, with the start of the estimate. It may
 /// have fewer coordinates than the machine; the missing ones count as zero. `events` are those that
-/// arrive. threshold 0: 1e-4 of V at the start. Throws as the constructor of TrackingEstimator, or
-/// Interrupted.
+/// arrive. Throws as the constructor of TrackingEstimator, or Interrupted.
 Figures follow(EstimatorKind estimator, const Scene& scene, std::span<const ContactEvent> events,
-               const Truth& truth, double threshold);
-
-/// Sets `worse` of all estimators except the replica: the fraction of settled samples at which V is
-/// more than ten times the replica's, and above the rounding level, 1e-20 of V at the start.
-/// Without a replica in `kinds` it stays NaN. `figures` are those of `kinds` in one run.
-void add_worse(std::span<const EstimatorKind> kinds, std::span<Figures> figures);
+               const Truth& truth);
 
 }  // namespace sprag::python

@@ -6,6 +6,7 @@ import numpy as np
 
 import sprag
 from sprag import _core
+from sprag._figures import figures
 from sprag._study_file import StudyRuns, read_study_file
 from support import SOURCE, FolderTest
 
@@ -229,6 +230,46 @@ system.K.1.2 = [-610.0]
 
     def columns(self, text, scene="lab_rig"):
         return sprag.run_study(self.write(text, scene))
+
+    def test_figures_are_those_of_an_observer(self):
+        names = ["replica", "timing", "both"]
+        record = ["V_floor", "V_max", "nees", "beyond_3_sigma", "trusted", "worse"]
+        study = self.columns(
+            f"duration = 20.0\ntick = 0.025\nsamples = 160\nestimators = {names}\n"
+            f"record = {record}\n[vary]\nobserver.events.jitter = 1e-4\n"
+        )
+        rig = sprag.read_scene(RIG)
+        run = sprag.simulate(rig, 20.0, tick=0.025)
+        of_samples, settled = slice(None, None, 5), slice(81, None)
+        V = {}
+        for name in names:
+            given = rig.replace(jitter=1e-4)
+            seen = sprag.observe(given, run.events, 20.0, tick=0.025, estimator=name)
+            V[name] = sprag.energies(rig, run.q, run.u, seen.q, seen.u).V[of_samples]
+            expected = {"V_floor": np.median(V[name][settled]), "V_max": V[name][settled].max()}
+            if name != "replica":
+                errors = np.hstack([seen.q - run.q, seen.u - run.u])
+                z = (errors / np.hstack([seen.sigma_q, seen.sigma_u]))[of_samples][settled]
+                worse = V[name] > np.maximum(10.0 * V["replica"], 1e-20 * V["replica"][0])
+                expected |= {
+                    "nees": np.mean(z**2),
+                    "beyond_3_sigma": np.mean(np.abs(z) > 3.0),
+                    "trusted": seen.from_filter[of_samples][1:].mean(),
+                    "worse": worse[settled].mean(),
+                }
+            for record, value in expected.items():
+                found = study[f"{name}.{record}"][0]
+                self.assertAlmostEqual(found, value, delta=1e-9 * value, msg=f"{name}.{record}")
+
+    def test_figures_of_V(self):
+        V = np.array([1.0, 5.0, 5.0, 5.0, 1.1e-5, 0.9e-5, 1e-20, 1.1e-20])
+        replica = np.array([1.0, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 0.0, 0.0])
+        of = figures(V, replica, 0.5, 0.0)
+        self.assertEqual((of.V_floor, of.V_max, of.worse), (0.5 * (0.9e-5 + 1.1e-20), 1.1e-5, 0.5))
+        self.assertEqual((of.time_below, of.rate), (2.0, np.log(1.0 / 1.1e-5) / 2.0))
+        never = figures(V, None, 0.5, 1e-21)
+        self.assertEqual(never.time_below, np.inf)
+        self.assertTrue(np.isnan(never.worse), "there is no replica")
 
     # Statement of docs/measurements/robustness.md on the paper's beam: if the filter alone
     # diverges, both is not much worse than the replica.

@@ -139,10 +139,9 @@ class ToleranceTest(unittest.TestCase):
         trials = _core._Trials()
         truth = trials.run(beam, 100.0, 0.0, 400)
         wrong = _core._with_wrong(beam, "beam.bending_stiffness", 0.05)
-        args = (["replica", "adaptive"], wrong, truth, 1, 0, 1.0)
-        replica, adaptive = trials.follow(*args, jitter=beam.jitter)
-        self.assertLess(adaptive.V_floor, 1e-3 * replica.V_floor)
-        self.assertEqual(adaptive.worse, 0.0)
+        args = (["replica", "adaptive"], wrong, truth, 1, 0)
+        replica, adaptive = (of.V for of in trials.follow(*args, jitter=beam.jitter))
+        self.assertLess(np.median(adaptive[201:]), 1e-3 * np.median(replica[201:]))
 
     def test_results_do_not_depend_on_threads(self):
         asked = {"runs": 2, "duration": 20.0, "estimators": ["replica", "timing"]}
