@@ -39,6 +39,7 @@ from ._command import (
     require_compiled,
     run_program,
     say,
+    writing,
     written,
 )
 from ._errors import Error, InputError
@@ -230,18 +231,10 @@ class Segment(NamedTuple):
     """Complete runs with consecutive indices in a file, and their bytes begin, ..., end - 1."""
 
     runs: Range
+    file: Path
     begin: int
     end: int
-
-
-@dataclass
-class Contents:
-    """Complete runs of a file, in its order."""
-
-    file: Path
-    segments: list[Segment] = field(default_factory=list)
-    end: int = 0  # of the last complete run [bytes]; 0: not even a header
-    failures: int = 0
+    failures: int
 
 
 @dataclass(frozen=True)
@@ -253,7 +246,7 @@ class Layout:
 
     @property
     def header(self) -> str:
-        return ",".join(self.columns)
+        return ",".join(self.columns) + "\n"
 
     def place(self, line: str) -> tuple[int, bool, bool, bool] | None:
         """Index of a row, whether it is the first and the last one of its run, and has failed."""
@@ -269,33 +262,33 @@ class Layout:
         return int(fields[0]), int(n) <= 1, int(n) in (0, self.rows_of_run), failed
 
 
-def read_rows(file: Path, layout: Layout, allowed: Range) -> Contents:
-    """Finds the complete runs of a file of rows; what follows the last one was torn.
+def read_rows(file: Path, layout: Layout, allowed: Range) -> list[Segment]:
+    """Finds the complete runs of a file of rows, in its order; what follows the last one was torn.
 
     Raises InputError for a row that is not of this study, with its line.
     """
-    contents = Contents(file)
+    segments: list[Segment] = []
+    if not file.exists():
+        return segments
 
     def refuse(what: str) -> NoReturn:
         advice = "it is no file of this study: move it away, or use another --output"
         raise InputError(f"{file}:{number}: {what}; {advice}")
 
-    if not file.exists():
-        return contents
-    number, at, begin = 0, 0, 0
+    at, begin = 0, 0
     before: int | None = None  # index of a run whose last row is missing
     with open(file, "rb") as stream:
         for number, line in enumerate(stream, start=1):
             if not line.endswith(b"\n"):
                 break
-            text = line[:-1].decode("utf-8", "replace")
+            text = line.decode("utf-8", "replace")
             at += len(line)
             if number == 1:
                 if text != layout.header:
                     refuse("has another header")
-                begin = contents.end = at
+                begin = at
                 continue
-            row = layout.place(text)
+            row = layout.place(text[:-1])
             if row is None:
                 refuse("is no row")
             index, first, last, failed = row
@@ -306,19 +299,13 @@ def read_rows(file: Path, layout: Layout, allowed: Range) -> Contents:
             before = None if last else index
             if not last:
                 continue
-            contents.failures += failed
-            contents.end = at
-            if contents.segments and contents.segments[-1].runs.end == index:
-                runs, start, _ = contents.segments[-1]
-                contents.segments[-1] = Segment(Range(runs.first, index + 1), start, at)
-            else:
-                contents.segments.append(Segment(Range(index, index + 1), begin, at))
+            segment = Segment(Range(index, index + 1), file, begin, at, int(failed))
+            if segments and segments[-1].runs.end == index:
+                (start, _), _, begin, _, failures = segments.pop()
+                segment = Segment(Range(start, index + 1), file, begin, at, failures + failed)
+            segments.append(segment)
             begin = at
-    ranges = sorted(segment.runs for segment in contents.segments)
-    for i in range(1, len(ranges)):
-        if ranges[i].first < ranges[i - 1].end:
-            refuse(f"has run {ranges[i].first} twice")
-    return contents
+    return segments
 
 
 def missing_ranges(allowed: Range, done: list[Range]) -> list[Range]:
@@ -335,74 +322,56 @@ class RowFile:
     """A file to which rows are appended, locked against other processes."""
 
     def __init__(self, file: Path) -> None:
-        self._file = file
+        self._name = str(file)
         try:
-            self._descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            self._stream = open(file, "ab", buffering=0)
         except OSError as error:
             raise OSError(f"{file}: {error.strerror}") from None
-        self._size = 0
         self._synced = time.monotonic()
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            os.close(self._descriptor)
+            self._stream.close()
             raise UsageError(f"{file}: another process is at this study") from None
 
-    def go_on(self, contents: Contents, layout: Layout) -> None:
-        """Cuts the file after its complete runs, and writes the header if there is none."""
-        self._size = contents.end
-        os.ftruncate(self._descriptor, self._size)
-        os.lseek(self._descriptor, self._size, os.SEEK_SET)
-        if not self._size:
-            self.append(layout.header + "\n")
+    @property
+    def size(self) -> int:
+        return os.fstat(self._stream.fileno()).st_size
+
+    def go_on(self, end: int, header: str) -> None:
+        """Cuts the file after its complete runs, and writes the header if there are none."""
+        self._stream.truncate(end)
+        if not end:
+            self.append(header)
 
     def append(self, text: str) -> None:
-        """Appends complete runs, or, for example on a full disk, nothing."""
-        rest = memoryview(text.encode())
-        size = len(rest)
-        try:
+        """What a full disk leaves of them, go_on() cuts."""
+        rest = text.encode()
+        with writing(self._name):
             while rest:
-                rest = rest[os.write(self._descriptor, rest) :]
+                rest = rest[self._stream.write(rest) :]
             if time.monotonic() - self._synced > SECONDS_BETWEEN_SYNCS:
-                os.fdatasync(self._descriptor)
+                os.fdatasync(self._stream.fileno())
                 self._synced = time.monotonic()
-        except OSError as error:
-            os.ftruncate(self._descriptor, self._size)
-            raise OSError(f"{self._file}: {error.strerror}") from None
-        self._size += size
 
     def close(self) -> None:
-        if self._descriptor >= 0:
-            os.fdatasync(self._descriptor)
-            os.close(self._descriptor)
-            self._descriptor = -1
+        if not self._stream.closed:
+            os.fdatasync(self._stream.fileno())
+            self._stream.close()
 
 
-def _merge(sources: list[Contents], layout: Layout, file: Path) -> None:
-    """Writes the rows of all sources in order of index; the file appears when it is complete."""
-    pieces = sorted(
-        ((segment, source.file) for source in sources for segment in source.segments),
-        key=lambda piece: piece[0].runs,
-    )
-    with contextlib.ExitStack() as stack:
-        streams = {
-            source.file: stack.enter_context(open(source.file, "rb"))
-            for source in sources
-            if source.segments
-        }
-        with written(file) as temporary, open(temporary, "wb") as output:
-            output.write(layout.header.encode() + b"\n")
-            for segment, name in pieces:
-                streams[name].seek(segment.begin)
-                left = segment.end - segment.begin
-                while left:
-                    block = streams[name].read(min(left, 1 << 20))
-                    if not block:
-                        raise OSError(f"{name}: cannot be read: it became shorter")
-                    output.write(block)
-                    left -= len(block)
-            output.flush()
-            os.fdatasync(output.fileno())
+def _merge(segments: list[Segment], layout: Layout, file: Path) -> None:
+    """Writes the rows of all segments in order of index; the file appears when it is complete."""
+    block = 1 << 20
+    with written(file) as temporary, open(temporary, "wb") as output:
+        output.write(layout.header.encode())
+        for _, name, begin, end, _ in sorted(segments):
+            with open(name, "rb") as source:
+                source.seek(begin)
+                for at in range(begin, end, block):
+                    output.write(source.read(min(block, end - at)))
+        output.flush()
+        os.fdatasync(output.fileno())
 
 
 # --- the folder of a study
@@ -422,7 +391,7 @@ class Folder:
         self.manifest_file = folder / ("manifest.json" if self.whole else f"{stem}.json")
         self.layout = Layout(self.study["columns"], runs.rows_of_run)
         self.indices = self._part(self.shard)
-        self._sources: list[Contents] = []
+        self._segments: list[Segment] = []
         self._output: RowFile | None = None
 
     def _part(self, shard: tuple[int, int]) -> Range:
@@ -481,17 +450,21 @@ class Folder:
         if self.rows.exists():
             return
         if self.whole:
-            self._sources = self._shards()
+            self._segments = self._shards()
         self._write_manifest(workers, False)
         self._output = RowFile(self.partly)
         own = read_rows(self.partly, self.layout, self.indices)
-        self._output.go_on(own, self.layout)
-        self._sources.append(own)
-        self._refuse_overlaps()
+        self._output.go_on(own[-1].end if own else 0, self.layout.header)
+        self._segments += own
+        segments = sorted(self._segments)
+        for a, b in zip(segments, segments[1:]):
+            if b.runs.first < a.runs.end:
+                twice = f"has run {b.runs.first}, which {a.file} has too; remove one of them"
+                raise InputError(f"{b.file}: {twice}")
 
-    def _shards(self) -> list[Contents]:
+    def _shards(self) -> list[Segment]:
         """The parts in the folder, finished or not."""
-        sources = []
+        segments = []
         for file in sorted(self.folder.glob("shard-*.json")):
             match = re.fullmatch(r"shard-(\d{1,9})-of-(\d{1,9})\.json", file.name)
             shard = (int(match[1]), int(match[2])) if match else (0, 0)
@@ -505,18 +478,8 @@ class Folder:
                 RowFile(partly).close()  # refuses a part that another process computes
                 rows = partly
             if rows.exists():
-                sources.append(read_rows(rows, self.layout, indices))
-        return sources
-
-    def _refuse_overlaps(self) -> None:
-        parts = sorted(
-            (segment.runs, source.file) for source in self._sources for segment in source.segments
-        )
-        for i in range(1, len(parts)):
-            if parts[i][0].first < parts[i - 1][0].end:
-                raise InputError(
-                    f"{parts[i][1]}: has runs that {parts[i - 1][1]} has too; remove one of them"
-                )
+                segments += read_rows(rows, self.layout, indices)
+        return segments
 
     @property
     def size(self) -> int:
@@ -526,7 +489,7 @@ class Folder:
     @property
     def failures(self) -> int:
         """Failed runs among the rows that are there."""
-        return sum(source.failures for source in self._sources)
+        return sum(segment.failures for segment in self._segments)
 
     @property
     def finished(self) -> bool:
@@ -535,8 +498,7 @@ class Folder:
     def missing(self) -> list[Range]:
         if self._output is None:
             return []
-        done = [segment.runs for source in self._sources for segment in source.segments]
-        return missing_ranges(self.indices, done)
+        return missing_ranges(self.indices, [segment.runs for segment in self._segments])
 
     def progress(self, workers: int) -> Progress:
         missing = sum(part.end - part.first for part in self.missing())
@@ -544,19 +506,21 @@ class Folder:
 
     def append(self, chunk: Chunk) -> None:
         assert self._output is not None
+        runs, begin = Range(chunk.first, chunk.first + chunk.runs), self._output.size
         self._output.append(chunk.text)
+        end = self._output.size
+        self._segments.append(Segment(runs, self.partly, begin, end, chunk.failures))
 
     def complete(self, workers: int) -> None:
         """Sorts the rows and finishes the study."""
         if self._output is None:
             return
-        own = self._sources[-1] = read_rows(self.partly, self.layout, self.indices)
-        ordered = all(a.runs.end <= b.runs.first for a, b in zip(own.segments, own.segments[1:]))
         self._output.close()
-        if len(self._sources) == 1 and ordered:
+        own = all(segment.file == self.partly for segment in self._segments)
+        if own and self._segments == sorted(self._segments):
             self.partly.replace(self.rows)
         else:
-            _merge(self._sources, self.layout, self.rows)
+            _merge(self._segments, self.layout, self.rows)
             self.partly.unlink()
         self._write_manifest(workers, True)
 
@@ -720,7 +684,7 @@ def _run_folder(
     try:
         _run_all(runs, folder.missing(), executor, progress, folder.append, **more)
         if not folder.finished:
-            report["failed"] = folder.failures + progress.failures
+            report["failed"] = folder.failures
         folder.complete(workers)
     except BaseException:
         kept = f"the runs that are done are kept in {folder.partly}; the same command goes on"
