@@ -65,37 +65,12 @@ def tag() -> str:
     return f"{python}-{python}-{platform}"
 
 
-def metadata() -> dict[str, bytes]:
-    about = (
-        f"Metadata-Version: 2.1\nName: sprag\nVersion: {version()}\n"
-        "Summary: State observer for impacting machines, driven by contact times alone\n"
-        "License: BSD-3-Clause\nRequires-Python: >=3.10\nRequires-Dist: numpy\n"
-    )
-    wheel = f"Wheel-Version: 1.0\nGenerator: sprag\nRoot-Is-Purelib: false\nTag: {tag()}\n"
-    return {
-        "METADATA": about.encode(),
-        "WHEEL": wheel.encode(),
-        "LICENSE": (ROOT / "LICENSE").read_bytes(),
-    }
-
-
-def prepare_metadata_for_build_wheel(
-    metadata_directory: str, config_settings: dict[str, Any] | None = None
-) -> str:
-    info = f"sprag-{version()}.dist-info"
-    folder = Path(metadata_directory) / info
-    folder.mkdir()
-    for name, content in metadata().items():
-        (folder / name).write_bytes(content)
-    return info
-
-
 def build_wheel(
     wheel_directory: str,
     config_settings: dict[str, Any] | None = None,
     metadata_directory: str | None = None,
 ) -> str:
-    info = f"sprag-{version()}.dist-info"
+    info, data = f"sprag-{version()}.dist-info", f"sprag-{version()}.data"
     with tempfile.TemporaryDirectory() as stage:
         build(Path(stage))
         files = {
@@ -103,25 +78,29 @@ def build_wheel(
             for file in sorted(Path(stage).rglob("*"))
             if file.is_file()
         }
-    files |= {f"{info}/{name}": content for name, content in metadata().items()}
-
     # Same path below the environment as below an install prefix: read_scene("paper_beam") finds it.
     for scene in sorted((ROOT / "scenes").rglob("*.toml")):
-        name = scene.relative_to(ROOT / "scenes")
-        files[f"sprag-{version()}.data/data/share/sprag/scenes/{name}"] = scene.read_bytes()
-
-    record = f"{info}/RECORD"
+        files[f"{data}/data/share/sprag/{scene.relative_to(ROOT)}"] = scene.read_bytes()
+    about = (
+        f"Metadata-Version: 2.1\nName: sprag\nVersion: {version()}\n"
+        "Summary: State observer for impacting machines, driven by contact times alone\n"
+        "License: BSD-3-Clause\nRequires-Python: >=3.10\nRequires-Dist: numpy\n"
+    )
+    wheel = f"Wheel-Version: 1.0\nGenerator: sprag\nRoot-Is-Purelib: false\nTag: {tag()}\n"
+    files[f"{info}/METADATA"] = about.encode()
+    files[f"{info}/WHEEL"] = wheel.encode()
+    files[f"{info}/LICENSE"] = (ROOT / "LICENSE").read_bytes()
     lines = []
     for name, content in files.items():
         digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=")
         lines.append(f"{name},sha256={digest.decode()},{len(content)}\n")
-    files[record] = "".join([*lines, f"{record},,\n"]).encode()
+    files[f"{info}/RECORD"] = "".join([*lines, f"{info}/RECORD,,\n"]).encode()
 
-    wheel = f"sprag-{version()}-{tag()}.whl"
-    with zipfile.ZipFile(Path(wheel_directory) / wheel, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in files.items():
-            archive.writestr(name, content)
-    return wheel
+    name = f"sprag-{version()}-{tag()}.whl"
+    with zipfile.ZipFile(Path(wheel_directory) / name, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file, content in files.items():
+            archive.writestr(file, content)
+    return name
 
 
 def build_sdist(sdist_directory: str, config_settings: dict[str, Any] | None = None) -> str:
