@@ -1,116 +1,12 @@
-"""`view` and its page: requests of a browser and of other clients."""
+"""The page of `view` in a browser."""
 
 import json
 import os
 import signal
-import socket
 import subprocess
 import time
 
-from support import (
-    BrowserCase,
-    LiveCase,
-    ask,
-    estimates,
-    free_url,
-    last_health,
-    main,
-    open_stream,
-    resident_kb,
-    rows,
-    scene,
-    text_message,
-    wait_for,
-)
-
-
-class GatewayTest(LiveCase):
-    def test_invalid_requests_are_refused_without_effect(self):
-        view = self.start_view()
-        for rubbish in (
-            b"\0" * 5000,
-            b"GET\r\n\r\n",
-            b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
-            b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n",
-            b"",
-            b"\x16\x03\x01\x02\x00",
-        ):
-            with socket.create_connection(view.address) as connection:
-                try:
-                    connection.sendall(rubbish)
-                except OSError:
-                    pass  # refused before the request was complete
-        # An invalid message of the page has no effect; a too long one ends the stream.
-        stream = open_stream(view.address)
-        for text in (
-            "",
-            "{",
-            "[]",
-            "null",
-            '{"seen":"x"}',
-            '{"seen":-1}',
-            '{"seen":1e300}',
-            '{"view":3}',
-            '{"view":{"from":1,"to":0}}',
-            '{"view":{"from":"a","to":null}}',
-            '{"view":{"window":-1}}',
-            '{"view":{"window":1e308,"pixels":1e308}}',
-            '{"view":{"pixels":0}}',
-            '{"view":{"quantity":"nothing"}}',
-            "[" * 3000,
-        ):
-            stream.sendall(text_message(text))
-        self.assertTrue(stream.recv(10))
-        stream.close()
-        with open_stream(view.address) as stream:
-            try:
-                stream.sendall(text_message("x" * 10_000_000))
-                while stream.recv(65536):
-                    pass
-            except OSError:
-                pass
-        with open_stream(view.address) as stream:  # not masked, with an invalid length
-            stream.sendall(bytes([0x81, 127]) + b"\xff" * 8)
-        self.assertIsNone(view.poll(), view.said())
-        self.assertEqual(ask(view.address)[0], 200)
-
-    def test_clients_that_do_not_read_do_not_block(self):
-        view = self.start_view()
-        self.start_run(speed="1")
-        reader = open_stream(view.address)
-        reader.settimeout(0.5)
-        read = bytearray()
-
-        def take(seconds):
-            """Reads and acknowledges everything; returns the number of bytes."""
-            end = time.monotonic() + seconds
-            before = len(read)
-            while time.monotonic() < end:
-                try:
-                    read.extend(reader.recv(1 << 20))
-                    reader.sendall(text_message('{"seen":999999999}'))
-                except socket.timeout:
-                    pass
-            return len(read) - before
-
-        wait_for("an estimate", lambda: take(0.2) and b'"settled":{' in read)
-        take(1.0)
-        before = resident_kb(view)
-        slow = [open_stream(view.address, receive_buffer=4096) for _ in range(8)]
-        # Half of the clients keep requesting, and read nothing.
-        for _ in range(100):
-            for stream in slow[::2]:
-                stream.sendall(
-                    text_message('{"seen":999999999,"view":{"window":20,"pixels":4000}}')
-                )
-            self.assertGreater(take(0.02), -1)
-        self.assertGreater(take(1.0), 10_000)
-        self.assertLess(resident_kb(view) - before, 8_000)
-        for stream in slow:
-            stream.close()
-        reader.close()
-        self.assertEqual(self.end(view), 0)
-
+from support import BrowserCase, estimates, free_url, last_health, main, rows, scene, wait_for
 
 # Number of pixels in the curves' chart with the transparency of the band of 2 sigma.
 BAND = """[...document.querySelectorAll('#curve-chart canvas')].reduce((sum, canvas) => {
@@ -132,6 +28,11 @@ SHOWN = "({tick: '', vTick: '', ...document.getElementById('sprag').dataset, now
 class PageTest(BrowserCase):
     def expect_quiet(self, page):
         self.assertEqual(page.complaints(), [])
+
+    def simulate(self, scene_file, duration, events):
+        command = [os.environ["MASTER_SIM"], scene_file, "--no-lcm", "--speed", "max"]
+        command += ["--duration", duration, "--events", events]
+        subprocess.run(command, check=True, capture_output=True)
 
     def check(self, shown, settled, now, energies):
         """The page shows the values of the recording, to the last digit."""
@@ -248,21 +149,7 @@ class PageTest(BrowserCase):
         # 30 periods at 4.5 Hz are 6.7 s, also at a speed at which 2 s of wall time are 16 s of the
         # machine.
         events = self.file("events.csv")
-        subprocess.run(
-            [
-                os.environ["MASTER_SIM"],
-                scene("lab_rig"),
-                "--no-lcm",
-                "--speed",
-                "max",
-                "--duration",
-                "20",
-                "--events",
-                events,
-            ],
-            check=True,
-            capture_output=True,
-        )
+        self.simulate(scene("lab_rig"), "20", events)
         for speed in ("8", "max"):
             view = self.start_view("--replay", events, "--speed", speed, name="lab_rig", bus=False)
             page = self.open_page(view.address)
@@ -278,21 +165,7 @@ class PageTest(BrowserCase):
         with open(scene()) as nominal, open(tolerant, "w") as own:
             own.write(nominal.read() + "\n[tolerance]\ntime = 1e-4\n")
         events = self.file("events.csv")
-        subprocess.run(
-            [
-                os.environ["MASTER_SIM"],
-                tolerant,
-                "--no-lcm",
-                "--speed",
-                "max",
-                "--duration",
-                "8",
-                "--events",
-                events,
-            ],
-            check=True,
-            capture_output=True,
-        )
+        self.simulate(tolerant, "8", events)
         view = self.start_view(
             "--replay", events, "--speed", "8", name=tolerant.removesuffix(".toml"), bus=False
         )
@@ -311,21 +184,7 @@ class PageTest(BrowserCase):
     def test_innovations_are_shown_in_place_of_an_unknown_V(self):
         # An events file has no true states, like a real machine.
         events, states = self.file("events.csv"), self.file("states.csv")
-        subprocess.run(
-            [
-                os.environ["MASTER_SIM"],
-                scene("lab_rig"),
-                "--no-lcm",
-                "--speed",
-                "max",
-                "--duration",
-                "20",
-                "--events",
-                events,
-            ],
-            check=True,
-            capture_output=True,
-        )
+        self.simulate(scene("lab_rig"), "20", events)
         subprocess.run(
             [os.environ["OBSERVER"], scene("lab_rig"), "--replay", events, "--states", states],
             check=True,
@@ -383,21 +242,7 @@ class PageTest(BrowserCase):
     def test_recorded_input_is_shown(self):
         name = self.shaken(stream=False)
         events = self.file("events.csv")
-        subprocess.run(
-            [
-                os.environ["MASTER_SIM"],
-                scene(name),
-                "--no-lcm",
-                "--speed",
-                "max",
-                "--duration",
-                "5",
-                "--events",
-                events,
-            ],
-            check=True,
-            capture_output=True,
-        )
+        self.simulate(scene(name), "5", events)
         page = self.open_page(
             self.start_view("--replay", events, "--speed", "8", name=name, bus=False).address
         )

@@ -1,22 +1,22 @@
-"""Common parts of the tests of `view`: programs on a port of the test's own, plain HTTP and
-WebSockets, contents of a recording, and Debian's chromium driven by Debian's python3-selenium."""
+"""Common parts of the tests of `view`: programs on a port of the test's own, contents of a
+recording, and Debian's chromium driven by Debian's python3-selenium."""
 
-import base64
 import csv
 import os
 import re
-import secrets
 import shutil
 import signal
 import socket
-import struct
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
-from http.client import HTTPResponse
 from pathlib import Path
+
+import sprag
+from sprag._core import _open_recording
+from sprag.view.messages import decoded, records
 
 SOURCE = Path(os.environ["SPRAG_SOURCE_DIR"])
 PATIENCE = 60.0  # s, for an event that must occur, also on a busy machine
@@ -156,123 +156,36 @@ def listeners(port):
     return sum(row.split()[1].endswith(port) for row in table)
 
 
-def resident_kb(process):
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    return int(re.search(r"^VmRSS:\s+(\d+)", status, re.MULTILINE)[1])
-
-
-# ---- HTTP and WebSockets by hand, for clients that do not behave like a browser ----
-
-
-def ask(address, method="GET", target="/", host=None, headers=()):
-    """An HTTP request; returns status, headers (names in lower case) and body."""
-    lines = [f"{method} {target} HTTP/1.1", *headers, "Connection: close"]
-    if host is not False:
-        lines.insert(1, f"Host: {host or ':'.join(map(str, address))}")
-    with socket.create_connection(address, timeout=PATIENCE) as connection:
-        connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
-        answer = HTTPResponse(connection, method=method)
-        answer.begin()
-        body = b"" if answer.status == 101 else answer.read()
-        return answer.status, {name.lower(): value for name, value in answer.getheaders()}, body
-
-
-def upgrade(origin):
-    """Headers that request the stream."""
-    key = base64.b64encode(secrets.token_bytes(16)).decode()
-    more = [f"Origin: {origin}"] if origin is not None else []
-    return [
-        "Upgrade: websocket",
-        "Connection: Upgrade",
-        "Sec-WebSocket-Version: 13",
-        f"Sec-WebSocket-Key: {key}",
-        *more,
-    ]
-
-
-def open_stream(address, receive_buffer=None):
-    """A socket to the stream after its handshake; nothing is read from it."""
-    connection = socket.socket()
-    if receive_buffer:
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
-    connection.settimeout(PATIENCE)
-    connection.connect(address)
-    here = ":".join(map(str, address))
-    lines = ["GET /stream HTTP/1.1", f"Host: {here}", *upgrade(f"http://{here}")]
-    connection.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
-    said = b""
-    while not said.endswith(b"\r\n\r\n"):
-        part = connection.recv(1)
-        if not part:
-            raise AssertionError(f"no stream: {said!r}")
-        said += part
-    if not said.startswith(b"HTTP/1.1 101 "):
-        raise AssertionError(f"no stream: {said!r}")
-    return connection
-
-
-def text_message(text):
-    """A client's frame, masked as the protocol requires."""
-    data = text.encode()
-    size = len(data)
-    head = bytes([0x81])
-    if size < 126:
-        head += bytes([0x80 | size])
-    elif size < 65536:
-        head += bytes([0x80 | 126]) + struct.pack(">H", size)
-    else:
-        head += bytes([0x80 | 127]) + struct.pack(">Q", size)
-    mask = secrets.token_bytes(4)
-    return head + mask + bytes(b ^ mask[i % 4] for i, b in enumerate(data))
-
-
 # ---- recordings ----
 
 
-def read_log(file):
-    """(channel, message) of an LCM log."""
-    data = Path(file).read_bytes()
-    at = 0
-    while at + 28 <= len(data):
-        sync, _, _, name, size = struct.unpack_from(">IqqII", data, at)
-        if sync != 0xEDA1DA01 or at + 28 + name + size > len(data):
-            break
-        at += 28
-        yield data[at : at + name].decode(), data[at + name : at + name + size]
-        at += name + size
+def read_log(file, wanted):
+    """The messages of a channel in an LCM log."""
+    for name, message, _, _ in _open_recording(file, sprag.read_scene(scene()), None, 0.0):
+        if name == wanted:
+            yield message
 
 
 def estimates(file, channel):
-    """Tick -> [q, ...] of SPRAG_SETTLED or SPRAG_ESTIMATE, where a tick may come again."""
+    """Tick -> [(t, q), ...] of SPRAG_SETTLED or SPRAG_ESTIMATE, where a tick may come again."""
     found = {}
-    for name, message in read_log(file):
-        if name != channel:
-            continue
-        _, _, _, tick, t, f = struct.unpack_from(">qqqqdi", message)
-        q = list(struct.unpack_from(f">{f}d", message, 44))
-        found.setdefault(tick, []).append((t, q))
+    for message in read_log(file, channel):
+        for of in next(records([message], True)):
+            found.setdefault(int(of["tick"]), []).append((float(of["t"]), of["q"].tolist()))
     return found
 
 
 def last_health(file):
     """The counts of the last SPRAG_HEALTH, and the refused messages."""
-    message = [message for name, message in read_log(file) if name == "SPRAG_HEALTH"][-1]
+    *_, message = read_log(file, "SPRAG_HEALTH")
+    health = decoded("SPRAG_HEALTH", message)
     names = (
         "sessions ticks deadlines missed_deadlines real_time_losses events late_events lost_events "
         "gaps skipped_events rollbacks inconsistencies messages lost_messages doubled_messages "
         "reordered_messages other_masters stale overflowed unsent"
-    ).split()
-    at = 8 * 5 + 4 + 8 * 10
-    counts = dict(zip(names, struct.unpack_from(f">{len(names)}q", message, at)))
-    at += 8 * len(names)
-    (causes,) = struct.unpack_from(">i", message, at)
-    at += 4
-    said = []
-    for _ in range(causes):
-        (size,) = struct.unpack_from(">i", message, at)
-        said.append(message[at + 4 : at + 4 + size - 1].decode())
-        at += 4 + size
-    return counts, dict(zip(said, struct.unpack_from(f">{causes}q", message, at)))
+    )
+    counts = {name: getattr(health, name) for name in names.split()}
+    return counts, dict(zip(health.cause, health.refused))
 
 
 def rows(file):

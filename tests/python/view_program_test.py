@@ -1,5 +1,6 @@
 """`view` as a process: which requests it answers, and a replay shows the observer's results."""
 
+import contextlib
 import csv
 import json
 import os
@@ -10,6 +11,7 @@ import struct
 import subprocess
 import time
 import unittest
+from pathlib import Path
 
 from sprag import view
 from support import SOURCE, FolderTest
@@ -200,6 +202,57 @@ class ViewProgramTest(FolderTest):
                 self.connection()
         self.assertEqual(self.ask(self.get("/"))[0], 200)
         self.assertGreaterEqual(self.stop()["displaced"], 2)
+
+    def test_invalid_requests_have_no_effect(self):
+        self.serve()
+        for rubbish in (
+            b"\0" * 5000,
+            b"GET\r\n\r\n",
+            b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
+            b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n",
+            b"",
+            b"\x16\x03\x01\x02\x00",
+        ):
+            with contextlib.suppress(OSError):  # refused before the request was complete
+                self.connection().sendall(rubbish)
+        # A message that is too long, and one without a mask and with an invalid length.
+        for rubbish in (
+            struct.pack(">BBQxxxx", 0x81, 0xFF, 10_000_000) + 10_000_000 * b"x",
+            struct.pack(">BBQ", 0x81, 127, 2**64 - 1),
+        ):
+            stream = self.connection()
+            stream.sendall(self.upgrade(f"http://{self.host}"))
+            with contextlib.suppress(OSError):
+                stream.sendall(rubbish)
+                while stream.recv(65536):
+                    pass
+        self.assertEqual(self.ask(self.get("/"))[0], 200)
+        self.stop()
+
+    def test_clients_that_acknowledge_and_do_not_read_cost_no_memory(self):
+        events = self.folder / "events.csv"
+        events.write_text("t,contact,closed\n0.4,1,1\n0.4,1,0\n100,1,1\n100,1,0\n")
+        self.serve("--replay", events, "--speed", "8")
+        reader, *slow = (self.connection() for _ in range(9))
+        for stream in slow:
+            stream.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        for stream in (reader, *slow):
+            stream.sendall(self.upgrade(f"http://{self.host}"))
+        self.assertTrue(reader.until(b"\r\n\r\n").startswith(b"HTTP/1.1 101"))
+
+        def resident():
+            status = Path(f"/proc/{self.view.pid}/status").read_text()
+            return int(re.search(r"VmRSS:\s+(\d+)", status)[1])
+
+        before = None
+        for n in range(1, 151):
+            self.assertTrue(reader.text(), f"closed at frame {n}")
+            for stream in (reader, *slow):
+                stream.say(f'{{"seen": {10**9}, "view": {{"window": 20, "pixels": 4000}}}}')
+            if n == 50:
+                before = resident()
+        self.assertLess(resident() - before, 50_000)
+        self.stop()
 
     def test_a_port_of_the_bus_that_is_in_use_is_reported(self):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
