@@ -56,14 +56,23 @@ def what_is_missing():
     return f"no {', '.join(missing)}: scripts/install_packages --browser"
 
 
-class LiveCase(unittest.TestCase):
-    """Programs on an LCM port of the test's own, in its own folder."""
+class BrowserCase(unittest.TestCase):
+    """A browser, and programs on an LCM port of the test's own, in its own folder."""
 
     def setUp(self):
+        if missing := what_is_missing():
+            self.skipTest(missing)
         self.url = free_url()
         self.folder = Path(tempfile.mkdtemp(prefix="sprag_browser_"))
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
         self.programs = 0
+
+    def open_page(self, address, **size):
+        page = Page(**size)
+        self.addCleanup(page.close)
+        page.open(address)
+        page.wait("the stream", "window.sprag && sprag.connected && sprag.frame && sprag.health")
+        return page
 
     def file(self, name):
         return str(self.folder / name)
@@ -262,21 +271,6 @@ class Page:
         """Messages of the browser's console, except routine ones."""
         self.said += self.driver.get_log("browser")
         return [entry["message"] for entry in self.said if entry["level"] in ("SEVERE", "WARNING")]
-
-
-class BrowserCase(LiveCase):
-    def setUp(self):
-        missing = what_is_missing()
-        if missing:
-            self.skipTest(missing)
-        super().setUp()
-
-    def open_page(self, address, **size):
-        page = Page(**size)
-        self.addCleanup(page.close)
-        page.open(address)
-        page.wait("the stream", "window.sprag && sprag.connected && sprag.frame && sprag.health")
-        return page
 
 
 def main():

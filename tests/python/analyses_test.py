@@ -5,13 +5,12 @@ import json
 import subprocess
 import tempfile
 import unittest
-import warnings
 from pathlib import Path
 
 import numpy as np
 
 import sprag
-from support import BUILD, SOURCE, scene, write_events
+from support import BUILD, SOURCE, FolderTest, scene, write_events
 
 
 def program(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -287,75 +286,50 @@ class ReduceTest(unittest.TestCase):
                 sprag.reduce(whole, events, modes)
 
 
-class ImportTest(unittest.TestCase):
-    def test_columns(self):
-        truth = scene("two_stops_beam")
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "log.csv"
-            file.write_text("a [ms];on;off\n1000;1500,5;1600\n1000,01;;\n2000;;\n")
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                events = sprag.import_events(
-                    file, truth, impacts={1: "a [ms]"}, on={2: "on"}, off={2: "off"},
-                    unit=1e-3, debounce=1e-3
-                )  # fmt: skip
-            self.assertEqual(events.dtype, sprag.event_dtype)
-            self.assertEqual(
-                events.tolist(), [(1.0, 1, 3), (1.5005, 2, 1), (1.6, 2, 2), (2.0, 1, 3)]
-            )
-            one = Path(folder) / "one.csv"
-            one.write_text("t\n0.5\nx\n0.7\n")
-            with self.assertWarnsRegex(RuntimeWarning, "one.csv:3"):
-                times = sprag.import_events(one, scene())["t"]
-            self.assertEqual(times.tolist(), [0.5, 0.7])
-            for wrong in ({"impacts": {3: "a [ms]"}}, {"on": {1: "on"}}, {}, {"unit": 0.0}):
-                with self.subTest(wrong), self.assertRaises(ValueError):
-                    sprag.import_events(file, truth, **wrong)
-            with self.assertRaisesRegex(sprag.InputError, "log.csv"):
-                sprag.import_events(file, truth, impacts="b")
+class ImportTest(FolderTest):
+    """What import_events() says in Python, and clocks; importing_test.py has forms of files."""
+
+    def test_doubts_are_warnings(self):
+        one = self.file("one.csv", "t\n0.5\nx\n0.7\n")
+        with self.assertWarnsRegex(RuntimeWarning, "one.csv:3"):
+            events = sprag.import_events(one, scene())
+        self.assertEqual(events.dtype, sprag.event_dtype)
+        self.assertEqual(events.tolist(), [(0.5, 1, 3), (0.7, 1, 3)])
+        with self.assertWarnsRegex(RuntimeWarning, "contact 2 of the scene has no column"):
+            sprag.import_events(one, scene("two_stops_beam"), impacts={1: "t"})
+        for wrong in ({"unit": 0.0}, {"unit": "h"}, {"separator": "bar"}, {"rate": -1.0}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                sprag.import_events(one, scene(), **wrong)
+        with self.assertRaisesRegex(sprag.InputError, "one.csv"):
+            sprag.import_events(one, scene(), impacts="b")
 
     def test_levels(self):
-        with tempfile.TemporaryDirectory() as folder:
-            capture = Path(folder) / "capture.csv"
-            capture.write_text(
-                "Time [ms],D0,D1\n0,1,3.3\n500,0,3.3\n501,1,3.2\n700,1,0.1\n900,1,3.3\n"
-                "1000,0,3.3\n1000.1,1,3.3\n1000.2,0,3.3\n1002,1,3.3\n"
+        capture = self.file(
+            "capture.csv",
+            "Time [ms],D0,D1\n0,1,3.3\n500,0,3.3\n501,1,3.2\n700,1,0.1\n900,1,3.3\n"
+            "1000,0,3.3\n1000.1,1,3.3\n1000.2,0,3.3\n1002,1,3.3\n",
+        )
+        arguments = {"level": {1: "D0", 2: "D1"}, "inverted": True, "threshold": 0.5}
+        rules = {"debounce": 5e-4, "pulse_shorter_than": 3e-3}
+        events = sprag.import_events(capture, scene("two_stops_beam"), **arguments, **rules)
+        expected = [(0.5, 1, 3), (0.7, 2, 1), (0.9, 2, 2), (1.0, 1, 3)]
+        self.assertEqual(events.tolist(), expected)
+        clock = {"unit": "us", "offset": "0.5", "rate": 1.01, "duration": 9.897e-4}
+        with self.assertWarnsRegex(RuntimeWarning, "unit"):
+            falling = sprag.import_events(
+                capture, scene(), level="D0", time="Time [ms]", impacts_at="falling", **clock
             )
-            arguments = {"level": {1: "D0", 2: "D1"}, "inverted": True, "threshold": 0.5}
-            rules = {"debounce": 5e-4, "pulse_shorter_than": 3e-3}
-            truth = scene("two_stops_beam")
-            events = sprag.import_events(capture, truth, **arguments, **rules)
-            expected = [(0.5, 1, 3), (0.7, 2, 1), (0.9, 2, 2), (1.0, 1, 3)]
-            self.assertEqual(events.tolist(), expected)
-            clock = {"unit": "us", "offset": "0.5", "rate": 1.01, "duration": 9.897e-4}
-            with self.assertWarnsRegex(RuntimeWarning, "unit"):
-                falling = sprag.import_events(
-                    capture, scene(), level="D0", time="Time [ms]", impacts_at="falling", **clock
-                )
-            np.testing.assert_allclose(
-                falling["t"], [(t - 0.5) * 1e-6 / 1.01 for t in (500.0, 1000.0)], rtol=1e-12
-            )
-            times = sprag.import_events(capture, scene(), level="D0", impacts_at="rising")["t"]
-            self.assertEqual(times.tolist(), [0.501, 1.0001, 1.002])  # ms, by the column's name
-            with self.assertWarnsRegex(RuntimeWarning, "both edges"):
-                sprag.import_events(capture, scene(), level="D0", impacts_at="both")
-            with self.assertRaisesRegex(sprag.InputError, "threshold"):
-                sprag.import_events(capture, scene(), level="D1")
-            fast = sprag.parse_scene(
-                (SOURCE / "scenes/paper_beam.toml").read_text() + "\n[clock]\nrate = 1.0002\n"
-            )
-            for wrong in (
-                {"level": "D0", "impacts": "D1"},
-                {"level": "D0", "impacts_at": "up"},
-                {"impacts": "D0", "inverted": True},
-                {"level": "D0", "unit": "h"},
-                {"level": "D0", "separator": "bar"},
-                {"level": "D0", "rate": -1.0},
-            ):
-                with self.subTest(wrong), self.assertRaises(ValueError):
-                    sprag.import_events(capture, scene(), **wrong)
-            with self.assertRaisesRegex(ValueError, "twice"):
-                sprag.import_events(capture, fast, level="D0", rate=1.0002)
+        wanted = [(t - 0.5) * 1e-6 / 1.01 for t in (500.0, 1000.0)]
+        np.testing.assert_allclose(falling["t"], wanted, rtol=1e-12)
+        with self.assertWarnsRegex(RuntimeWarning, "both edges"):
+            sprag.import_events(capture, scene(), level="D0", impacts_at="both")
+        with self.assertRaisesRegex(sprag.InputError, "threshold"):
+            sprag.import_events(capture, scene(), level="D1")
+        with self.assertRaisesRegex(ValueError, "impacts_at"):
+            sprag.import_events(capture, scene(), level="D0", impacts_at="up")
+        text = (SOURCE / "scenes/paper_beam.toml").read_text() + "\n[clock]\nrate = 1.0002\n"
+        with self.assertRaisesRegex(ValueError, "twice"):
+            sprag.import_events(capture, sprag.parse_scene(text), level="D0", rate=1.0002)
 
 
 class ScenesTest(unittest.TestCase):

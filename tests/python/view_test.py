@@ -546,8 +546,9 @@ class ClientTest(unittest.TestCase):
         self.assertFalse(client.wants(), "it has seen none of three")
         for nonsense in ("", "{", "[1]", "7", '{"seen": "x"}', '{"seen": -1}', '{"seen": 1e99}'):
             client.receive(nonsense)
-        client.receive('{"view": 3}')
-        client.receive('{"view": {"from": 2, "to": 1}}')
+        for view in ('3, "window": -1', '{"from": 2, "to": 1}', '{"pixels": 0, "to": null}'):
+            client.receive(f'{{"view": {view}}}')
+        client.receive("[" * 3000)
         self.assertFalse(client.wants())
         client.receive('{"seen": 3, "view": {"from": 0.005, "to": 0.02, "pixels": 1e9}}')
         client.receive('{"view": {"quantity": "q2"}}')
@@ -558,6 +559,8 @@ class ClientTest(unittest.TestCase):
         self.assertAlmostEqual(zoomed["estimate"]["mean"][0], 0.1, delta=1e-6)
         client.receive('{"view": {"window": 2}}')
         self.assertEqual(following()["curves"]["to"], 0.01 + 2.0, "it fills from the left")
+        client.receive('{"view": {"window": 1e308, "pixels": 1e308, "quantity": "nothing"}}')
+        self.assertEqual(following()["curves"]["quantity"], "g1")
 
 
 class RulesTest(unittest.TestCase):
