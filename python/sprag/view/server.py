@@ -84,19 +84,14 @@ def is_loopback(address: str) -> bool:
 
 def _bound_socket(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        listening.bind((address, port))
-        listening.listen(128)
+        return socket.create_server((address, port), family=family, backlog=128)
     except OSError as error:
-        listening.close()
         remedy = ""
         if error.errno == errno.EADDRINUSE:
             remedy = "; another program listens there, --http takes another port (0: any free one)"
         reason = os.strerror(error.errno or 0)
         raise OSError(f"{text_of(address, port)}: {reason}{remedy}") from None
-    return listening
 
 
 def refusal(request: web.BaseRequest, here: tuple[str, int]) -> tuple[int, str] | None:

@@ -511,20 +511,16 @@ class Watch:
             rows = np.concatenate([self._bands(part) for part in parts])[:, 3 * k : 3 * k + 3]
             estimate = tuple(map(np.append, estimate, (np.array(later), *rows.T)))
 
-        def curve(of: History, columns: list[int], keep: list[Keep]) -> Any:
-            return of.thinned(window, columns, keep)
-
+        edges: list[Keep] = ["least", "greatest"]
         both: list[Keep] = ["both"]
+        guaranteed = self.guaranteed.thinned(window, [2 * k, 2 * k + 1], edges)
         all_curves = {
             "estimate": (estimate, ["low", "mean", "high"]),
-            "guaranteed": (
-                curve(self.guaranteed, [2 * k, 2 * k + 1], ["least", "greatest"]),
-                ["low", "high"],
-            ),
-            "truth": (curve(self.truths, [k], both), ["value"]),
-            "energy": (curve(self.energies, [0], both), ["V"]),
-            "bound": (curve(self.bounds, [0], both), ["B"]),
-            "innovation": (curve(self.innovations, [0], both), ["ratio"]),
+            "guaranteed": (guaranteed, ["low", "high"]),
+            "truth": (self.truths.thinned(window, [k], both), ["value"]),
+            "energy": (self.energies.thinned(window, [0], both), ["V"]),
+            "bound": (self.bounds.thinned(window, [0], both), ["B"]),
+            "innovation": (self.innovations.thinned(window, [0], both), ["ratio"]),
             "input": (self._input(window), ["value"]),
         }
         first, last = self.extent()
