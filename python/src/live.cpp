@@ -15,6 +15,7 @@
 #include "python/src/arrays.h"
 #include "python/src/bindings.h"
 #include "python/src/bus.h"
+#include "python/src/long_call.h"
 #include "python/src/members.h"
 
 namespace sprag::python {
@@ -23,12 +24,6 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
-
-template <typename Call>
-auto without_lock(const Call& call) {
-  const py::gil_scoped_release released;
-  return call();
-}
 
 // Several threads may share a listener. While it waits, it handles Python's signals every 100 ms.
 class Listener {
@@ -46,20 +41,15 @@ class Listener {
                            std::min(timeout.value_or(longest), longest)));
     while (true) {
       const auto left = std::chrono::ceil<milliseconds>(end - Clock::now());
-      auto sample = without_lock([&] {
-        const std::lock_guard lock(mutex_);
-        return listener_.next(std::clamp(left, milliseconds(0), piece));
-      });
+      auto sample =
+          locked(mutex_, [&] { return listener_.next(std::clamp(left, milliseconds(0), piece)); });
       if (sample || left <= milliseconds(0)) return sample;
       if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
   }
 
   std::int64_t refused() {
-    return without_lock([&] {
-      const std::lock_guard lock(mutex_);
-      return listener_.refused();
-    });
+    return locked(mutex_, [&] { return listener_.refused(); });
   }
 
  private:

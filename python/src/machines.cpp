@@ -767,13 +767,8 @@ void bind_scene_files(py::module_& module) {
       "becomes a [system], and a [system] with the key `modes` one of the kept coordinates. "
       "Recorded inputs are written with their samples. Raises SceneError for streamed inputs, and "
       "in kept modes for supports that move with a record.");
-  module.def(
-      "write_scene",
-      [](const std::filesystem::path& file, const Scene& scene, const std::string& comment) {
-        write_scene(file, scene, comment);
-      },
-      "file"_a, "scene"_a, py::kw_only(), "comment"_a = "",
-      "Writes to_toml() to a file. Raises sprag.Error if it cannot be written.");
+  module.def("write_scene", &write_scene, "file"_a, "scene"_a, py::kw_only(), "comment"_a = "",
+             "Writes to_toml() to a file. Raises sprag.Error if it cannot be written.");
 }
 
 }  // namespace

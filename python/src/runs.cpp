@@ -47,15 +47,6 @@ std::int64_t skipped(const EventCounts& counts) {
 
 // An observer that several threads may share: a mutex serializes its calls.
 class SharedObserver {
-  // Releases the interpreter's lock before it takes the mutex, and takes it again after the mutex
-  // is released: this order excludes a deadlock.
-  template <typename Call>
-  auto locked(const Call& call) {
-    const py::gil_scoped_release released;
-    const std::lock_guard lock(mutex_);
-    return call();
-  }
-
  public:
   SharedObserver(const Scene& scene, const ObserverSettings& settings)
       : contacts_(scene.model.contacts.size()),
@@ -63,14 +54,14 @@ class SharedObserver {
 
   bool take(double t, int contact, int kind) {
     const ContactEvent event = to_event(t, contact, kind, contacts_);
-    return locked([&] { return observer_.take(event); });
+    return locked(mutex_, [&] { return observer_.take(event); });
   }
   void set_horizon(double t) {
-    locked([&] { observer_.set_horizon(t); });
+    locked(mutex_, [&] { observer_.set_horizon(t); });
   }
   std::vector<Estimate> settle() {
     const InterruptRelay relay;
-    std::vector<Estimate> estimates = locked([&] {
+    std::vector<Estimate> estimates = locked(mutex_, [&] {
       for (Estimate& estimate : observer_.settle(relay.token())) {
         unreturned_.push_back(std::move(estimate));
       }
@@ -83,14 +74,14 @@ class SharedObserver {
   Estimate at(double t) {
     const InterruptRelay relay;
     try {
-      return locked([&] { return observer_.at(t, relay.token()); });
+      return locked(mutex_, [&] { return observer_.at(t, relay.token()); });
     } catch (const Interrupted&) {
       raise_interrupt();
     }
   }
   double tick() const { return observer_.tick(); }
   EventCounts counts() {
-    return locked([&] { return observer_.counts(); });
+    return locked(mutex_, [&] { return observer_.counts(); });
   }
 
  private:

@@ -245,10 +245,7 @@ void bind_studies(py::module_& module) {
       "file"_a, "most"_a = largest_text);
   module.def("_read_study_scene", &read_study_scene, "file"_a,
              "A scene, its remarks, and the files that it names.");
-  module.def(
-      "_parse_study_scene",
-      [](const std::string& text, const std::string& file) { return parse_scene(text, file); },
-      "text"_a, "file"_a, "The scene without warnings.");
+  module.def("_parse_study_scene", &parse_scene, "text"_a, "file"_a, "The scene without warnings.");
   module.def("_with_numbers", &with_numbers, "text"_a, "numbers"_a, "file"_a,
              "The text of a scene with these numbers, by their paths.");
   module.def(

@@ -61,6 +61,36 @@ State drawn_offset(const Model& model, double energy, Random& random) {
   return {scale * (modes.Phi * eta), scale * (modes.Phi * eta_dot)};
 }
 
+// Runs an estimator from `start` with the events as they arrive, tick by tick, and calls
+// visit(sample, state) at every sample. Identifications of an adaptive estimator are computed at
+// once.
+template <typename Visit>
+void pursue(TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
+            const Truth& truth, const Visit& visit) {
+  TrackingEstimator::State state;
+  std::optional<MachineAdaptation> adaptation;
+  if (estimator.family() != nullptr) adaptation.emplace(estimator);
+  if (adaptation) adaptation->start(0.0, 0);
+  estimator.start(start, 0, 0, state);
+  auto next = events.begin();
+  const auto up_to = [&](std::int64_t k) {
+    const auto first = next;
+    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
+    return std::span<const ContactEvent>(first, next);
+  };
+  auto events_of_tick = up_to(0);
+  if (!events_of_tick.empty()) estimator.apply(events_of_tick, state);
+  visit(0, state);
+  const std::int64_t last = truth.samples() * truth.stride;
+  for (std::int64_t k = 1; k <= last; ++k) {
+    check_interrupt();
+    if (adaptation && adaptation->settle(events_of_tick, state)) adaptation->identify(state);
+    events_of_tick = up_to(k);
+    estimator.tick(events_of_tick, state);
+    if (k % truth.stride == 0) visit(k / truth.stride, state);
+  }
+}
+
 bool outside(const Scene& scene) {
   return std::all_of(
       scene.model.contacts.begin(), scene.model.contacts.end(),
@@ -123,34 +153,6 @@ Truth run_machine(const Scene& machine, double duration, double tick, int sample
   }
   master.advance(at(duration), truth.events);
   return truth;
-}
-
-void pursue(
-    TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
-    const Truth& truth,
-    const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit) {
-  TrackingEstimator::State state;
-  std::optional<MachineAdaptation> adaptation;
-  if (estimator.family() != nullptr) adaptation.emplace(estimator);
-  if (adaptation) adaptation->start(0.0, 0);
-  estimator.start(start, 0, 0, state);
-  auto next = events.begin();
-  const auto up_to = [&](std::int64_t k) {
-    const auto first = next;
-    while (next != events.end() && next->t <= tick_instant(k, truth.tick).hi) ++next;
-    return std::span<const ContactEvent>(first, next);
-  };
-  auto events_of_tick = up_to(0);
-  if (!events_of_tick.empty()) estimator.apply(events_of_tick, state);
-  visit(0, state);
-  const std::int64_t last = truth.samples() * truth.stride;
-  for (std::int64_t k = 1; k <= last; ++k) {
-    check_interrupt();
-    if (adaptation && adaptation->settle(events_of_tick, state)) adaptation->identify(state);
-    events_of_tick = up_to(k);
-    estimator.tick(events_of_tick, state);
-    if (k % truth.stride == 0) visit(k / truth.stride, state);
-  }
 }
 
 Figures follow(EstimatorKind kind, const Scene& scene, std::span<const ContactEvent> events,

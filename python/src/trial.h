@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <functional>
 #include <limits>
 #include <optional>
 #include <span>
@@ -47,14 +46,6 @@ struct Truth {
 /// spaced. tick 0: one tick per sample. Throws ModelError, SimulationError, Interrupted, or Error
 /// if there are fewer than two ticks.
 Truth run_machine(const Scene& machine, double duration, double tick, int samples);
-
-/// Runs an estimator from `start` with the events as they arrive, tick by tick, and visits its
-/// state at every sample 0 ... truth.samples(). Identifications of an adaptive estimator are
-/// computed at once. Throws Interrupted.
-void pursue(
-    TrackingEstimator& estimator, const State& start, std::span<const ContactEvent> events,
-    const Truth& truth,
-    const std::function<void(Eigen::Index sample, const TrackingEstimator::State& state)>& visit);
 
 /// One estimator in one run. "Settled" means the second half of the run.
 struct Figures {
