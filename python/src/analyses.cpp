@@ -51,10 +51,11 @@ EventList in_order(const py::object& events, const Scene& scene, double duration
   return taken;
 }
 
-// A structured array of rows; `dtype` has the layout of Row.
+// A structured array of rows, in which contacts count from 1.
 template <class Row>
-py::array structured(const std::vector<Row>& rows) {
-  return read_only(py::array_t<Row>(static_cast<py::ssize_t>(rows.size()), rows.data()));
+py::array structured(std::vector<Row> rows) {
+  for (Row& row : rows) ++row.contact;
+  return read_only(py::array_t<Row>(std::ssize(rows), rows.data()));
 }
 
 const char* name_of(Misfit misfit) {
@@ -69,17 +70,6 @@ const char* name_of(Misfit misfit) {
       break;
   }
   return "prediction";
-}
-
-struct EventRow {
-  double t;
-  std::int32_t contact;  // from 1
-};
-
-std::vector<EventRow> rows_of(const std::vector<MissingImpact>& missing) {
-  std::vector<EventRow> rows;
-  for (const MissingImpact& impact : missing) rows.push_back({impact.t, impact.contact + 1});
-  return rows;
 }
 
 // ---- identification
@@ -262,7 +252,7 @@ void bind_identification(py::module_& module) {
       .get("left_out", "Number of closings that the fit does not use.", fit, &Fit::left_out)
       .get("missing",
            "Impacts without an event: an array with the fields t [s] and contact (from 1).", fit,
-           [](const Fit& of) { return structured(rows_of(of.missing)); })
+           [](const Fit& of) { return structured(of.missing); })
       .get("spurious", "Indices of spurious events in the events in order of time, from 0.", fit,
            &Fit::spurious)
       .get("repaired",
@@ -338,7 +328,7 @@ void bind_diagnosis(py::module_& module) {
       .get("ties", "Other parameters that explain the misfit as well.", &ties_of)
       .get("missing",
            "Lost events that explain the misfit: an array with the fields t [s] and contact.",
-           [](const Diagnosis& of) { return structured(rows_of(of.missing)); })
+           [](const Diagnosis& of) { return structured(of.missing); })
       .get("spurious", "Spurious events that explain the misfit, an array of event_dtype.",
            [](const Diagnosis& of) { return owned(of.spurious); })
       .get("verdict", "The verdict in words.", [](const Diagnosis& of) { return verdict(of); })
@@ -449,13 +439,6 @@ void bind_smoother(py::module_& module) {
 
 // ---- impacts and predictions
 
-struct PredictionRow {
-  double t;
-  std::int32_t contact;
-  std::int8_t kind;
-  double sigma_t;
-};
-
 // The columns of `observer --impacts`; forces of releases only.
 py::array columns_of(std::vector<ImpactRecord> records) {
   for (ImpactRecord& of : records) {
@@ -492,8 +475,9 @@ py::array columns_of(std::vector<ImpactRecord> records) {
 }
 
 void bind_impacts(py::module_& module) {
-  PYBIND11_NUMPY_DTYPE(EventRow, t, contact);
-  PYBIND11_NUMPY_DTYPE(PredictionRow, t, contact, kind, sigma_t);
+  PYBIND11_NUMPY_DTYPE(MissingImpact, t, contact);
+  PYBIND11_NUMPY_DTYPE_EX(PredictedEvent, t, "t", contact, "contact", kind, "kind", sigma,
+                          "sigma_t");
   module.def(
       "impacts",
       [](const Scene& scene, const py::object& events, double duration, double tick,
@@ -515,14 +499,7 @@ void bind_impacts(py::module_& module) {
            &Prediction::certain_until)
       .get("events",
            "In order of time, an array with the fields t [s], contact (from 1), kind, sigma_t [s].",
-           [](const Prediction& of) {
-             std::vector<PredictionRow> rows;
-             for (const PredictedEvent& event : of.events) {
-               rows.push_back(
-                   {event.t, event.contact + 1, static_cast<std::int8_t>(event.kind), event.sigma});
-             }
-             return structured(rows);
-           });
+           [](const Prediction& of) { return structured(of.events); });
   module.def(
       "predict",
       [](const Scene& scene, const py::object& events, double t, double ahead, double tick,
