@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +27,7 @@ class Figures(NamedTuple):
 
 
 def figures(V: Numbers, of_replica: Numbers | None, interval: float, threshold: float) -> Figures:
-    """of_replica: V that `worse` is against. interval: of the samples. threshold: of V, 0: usual."""
+    """of_replica: V that `worse` is against. interval: of samples. threshold: of V, 0: usual."""
     settled = slice((len(V) - 1) // 2 + 1, None)
     floor = float(np.median(V[settled]))
     below = np.flatnonzero(V < (threshold or USUAL_THRESHOLD * V[0]))
