@@ -338,10 +338,11 @@ TEST_F(LiveTest, EndsWithoutLastMessage) {
   EXPECT_EQ(read_rows(path("sync.csv")).size(), 10U);
 }
 
-TEST_F(LiveTest, RestartedMasterIsReportedAndItsRowsFollow) {
+// States of the second master wait until the first is silent, those after --duration as well.
+TEST_F(LiveTest, RestartedMasterIsReportedAndItsRowsFollowUpToTheDuration) {
   start({"--duration", "1"});
   for (int k = 0; k < 5; ++k) publish_pair(k, 2.0, 1);
-  for (int k = 0; k <= 10; ++k) publish_pair(k, 4.0, 2);
+  for (int k = 0; k <= 15; ++k) publish_pair(k, 4.0, 2);
   EXPECT_EQ(end(), 0);
   EXPECT_TRUE(says("new session"));
   const auto rows = read_rows(path("sync.csv"));

@@ -225,6 +225,7 @@ class Live {
     if (held_.size() < enough_states && silent < 10 * silence) return;
     truth_received_ = now;
     for (const state_t& state : std::exchange(held_, {})) {
+      if (finish_.paired()) return;
       freshness_.note(state.utime);
       pair(state);
     }
