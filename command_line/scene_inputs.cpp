@@ -1,6 +1,6 @@
 #include "command_line/scene_inputs.h"
 
-#include <cmath>
+#include <iostream>
 #include <sstream>
 
 #include "command_line/program.h"
@@ -16,6 +16,13 @@ void require_inputs_until(const Scene& scene, double duration, const std::string
           << option << " must be at most " << end
           << ", or the table with the key `file` must have outside = \"zero\" or \"hold\"";
   throw UsageError(message.str());
+}
+
+void report_held_inputs(const Scene& scene, double t) {
+  const double end = end_of_inputs(scene.model);
+  if (!(t > end)) return;
+  std::cerr << "the recorded input ends at t = " << end
+            << "; after it the observer holds its last value, which is not the machine's\n";
 }
 
 void refuse_recorded_inputs(const Scene& scene, const std::string& program) {

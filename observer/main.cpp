@@ -1,7 +1,6 @@
 // observer: estimates a machine's full state from the times at which its contacts close and open,
 // live or from a recording. The real-time loop is RealTimeLoop::run() in real_time_loop.cpp.
 #include <cmath>
-#include <iostream>
 
 #include "command_line/scene_inputs.h"
 #include "observer/command.h"
@@ -22,13 +21,12 @@ int main(int argc, char** argv) {
     sprag::Scene scene = sprag::load_scene(command.scene, common);
     if (command.confidence) scene.prior.confidence = *command.confidence;
     sprag::check(command);
+    const double duration = command.options.duration;
     const bool streamed = scene.stream_duration > 0.0;
-    const double end = sprag::end_of_inputs(scene.model);
-    if (!streamed && std::isfinite(command.options.duration)) {
-      sprag::require_inputs_until(scene, command.options.duration, "--duration");
-    } else if (!streamed && std::isfinite(end)) {
-      std::cerr << "the recorded input ends at t = " << end
-                << "; after it the observer holds its last value, which is not the machine's\n";
+    if (!streamed && std::isfinite(duration)) {
+      sprag::require_inputs_until(scene, duration, "--duration");
+    } else if (!streamed && command.replay.file.empty()) {
+      sprag::report_held_inputs(scene, duration);
     }
     if (command.smooth) {
       return sprag::run_smoothing(scene, command.options, command.replay, common, report);

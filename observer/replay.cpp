@@ -138,7 +138,11 @@ class Replay {
     notices_.print_rest(std::cerr);
     report["ticks"] = settled_.ticks();
     estimation_.to_json(report);
-    if (estimation_.stream) estimation_.stream->print(std::cerr);
+    if (estimation_.stream) {
+      estimation_.stream->print(std::cerr);
+    } else {
+      report_held_inputs(estimation_.of.scene, settled_.t());
+    }
     settled_.sum_up(time_line_.events(), verbose_, report);
     settled_.close();
     if (events_) events_->finish();

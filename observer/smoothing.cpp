@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "command_line/scene_inputs.h"
 #include "observer/input_stream.h"
 #include "recording/recorded_events.h"
 #include "recording/recording.h"
@@ -89,6 +90,7 @@ int run_smoothing(const Scene& given, const ObserverOptions& options, const Repl
   }
   if (recorded.events.empty()) throw UsageError("--smooth: " + name + " has no events");
   const double end = std::isinf(options.duration) ? recorded.events.back().t : options.duration;
+  report_held_inputs(scene, end);
   StatesWriter states(options.states, model.coordinates(), smoothed_columns(model));
   states.require_good();
   std::int64_t ticks = 0, smoothed_ticks = 0;

@@ -77,6 +77,24 @@ TEST_F(RecordedInputPrograms, ARunBeyondTheRecordIsRefused) {
   expect_refused(IDENTIFY, {path("events.csv"), scene_}, ends);
 }
 
+// Without --duration a replay ends with the events, and they may end before the input does.
+TEST_F(RecordedInputPrograms, AReplayReportsTheEndOfTheInputOnlyIfItGoesBeyond) {
+  const std::string ends = "the recorded input ends at t = 6; after it the observer holds";
+  for (const Arguments& how : {Arguments{}, Arguments{"--smooth", "--states", path("s.csv")}}) {
+    for (const char* duration : {"5.5", "7"}) {
+      ASSERT_EQ(run(MASTER_SIM, {copy("outside = \"hold\""), "--duration", duration, "--speed",
+                                 "max", "--no-lcm", "--events", path("events.csv")})
+                    .code,
+                0);
+      const Ended ended = run(
+          OBSERVER, Arguments{copy(""), "--replay", path("events.csv"), "--tick", "0.01"} + how);
+      EXPECT_EQ(ended.code, 0) << ended.err;
+      EXPECT_EQ(ended.err.find(ends) != std::string::npos, duration == std::string("7"))
+          << ended.err;
+    }
+  }
+}
+
 TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
   // The machine: a sensor that shows 20 % too little, half a sample of 2 ms too early.
   simulate(copy("gain = 1.25\ndelay = 0.001\noutside = \"hold\""));
