@@ -120,13 +120,11 @@ Outcome guarded(const std::function<int(nlohmann::ordered_json&)>& run,
   }
 }
 
-/// Adds an argument for a file, or for the name of a shipped file in `folder`.
-CLI::Option* add_shipped(CLI::App& app, CommonOptions& options, const std::string& name,
-                         const std::filesystem::path& folder, std::filesystem::path& file,
-                         const std::string& help) {
-  options.files.emplace_back([name, &file] { return NamedFile{name, file, NamedFile::Use::read}; });
-  const auto take = [folder, &file](const std::string& given) { file = find_scene(given, folder); };
-  return app.add_option_function<std::string>(name, take, help)->type_name("")->required();
+/// The folder of the scenes that are shipped with this program, in its build tree or installation;
+/// empty if there is none.
+std::filesystem::path scenes_folder() {
+  std::error_code error;
+  return shipped_scenes(std::filesystem::read_symlink("/proc/self/exe", error));
 }
 
 }  // namespace
@@ -170,19 +168,16 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
   return app.add_option(name, file, help)->type_name(type)->required(!name.starts_with('-'));
 }
 
-std::filesystem::path scenes_folder() {
-  std::error_code error;
-  return shipped_scenes(std::filesystem::read_symlink("/proc/self/exe", error));
-}
-
-std::filesystem::path studies_folder() {
-  const std::filesystem::path scenes = scenes_folder();
-  return scenes.empty() ? scenes : scenes / "studies";
-}
-
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
-  return add_shipped(app, options, "SCENE", scenes_folder(), file,
-                     "Scene: a file (TOML), or the name of one that `sprag scenes` lists");
+  options.files.emplace_back([&file] { return NamedFile{"SCENE", file, NamedFile::Use::read}; });
+  const auto take = [&file](const std::string& given) {
+    file = find_scene(given, scenes_folder());
+  };
+  return app
+      .add_option_function<std::string>(
+          "SCENE", take, "Scene: a file (TOML), or the name of one that `sprag scenes` lists")
+      ->type_name("")
+      ->required();
 }
 
 void add_events_and_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& events,
@@ -196,11 +191,6 @@ void add_events_and_scene(CLI::App& app, CommonOptions& options, std::filesystem
     scene = find_scene(events, scenes_folder());
     events.clear();
   });
-}
-
-CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file) {
-  return add_shipped(app, options, "STUDY", studies_folder(), file,
-                     "Study: a file (TOML), or the name of one that `sprag scenes` lists");
 }
 
 Scene load_scene(const std::filesystem::path& file, const CommonOptions& options) {
@@ -298,38 +288,6 @@ CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const
     value = static_cast<int>(*number);
   };
   return app.add_option_function<std::string>(name, store, help)->type_name(unit);
-}
-
-CLI::Option* add_jobs(CLI::App& app, int& value) {
-  return add_count(app, "--jobs", value, "n",
-                   "Threads, 1 to " + std::to_string(max_jobs) + " [the machine's cores]",
-                   max_jobs);
-}
-
-CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,
-                        std::vector<std::string>& texts,
-                        std::function<std::filesystem::path(const std::string&)> file_of,
-                        const std::string& help) {
-  const auto take = [&options, &texts, name, file_of](const std::vector<std::string>& given) {
-    texts = given;
-    for (const std::string& text : given) {
-      const NamedFile file{name, file_of(text), NamedFile::Use::read};
-      options.files.emplace_back([file] { return file; });
-    }
-  };
-  return app.add_option_function<std::vector<std::string>>(name, take, help)
-      ->type_name("")
-      ->required();
-}
-
-CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
-                        const std::string& unit, const std::string& help) {
-  return add_number(app, name, value, unit, help, "a finite number", parse_double);
-}
-
-CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,
-                       const std::string& help) {
-  return app.add_option(name, values, help)->delimiter(',')->type_name("NAME,...");
 }
 
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,

@@ -70,20 +70,12 @@ CLI::Option* add_file(CLI::App& app, CommonOptions& options, const std::string& 
                       NamedFile::Use use, std::filesystem::path& file, const std::string& type,
                       const std::string& help);
 
-/// The folders of the scenes and studies that are shipped with this program, in its build tree or
-/// installation; empty if there are none.
-std::filesystem::path scenes_folder();
-std::filesystem::path studies_folder();
-
-/// Adds the argument SCENE: a file, or a name in scenes_folder(). `file` receives the file.
+/// Adds the argument SCENE: a file, or the name of a shipped scene. `file` receives the file.
 CLI::Option* add_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
 /// Adds the arguments [EVENTS] SCENE: of one argument alone `events` stays empty.
 void add_events_and_scene(CLI::App& app, CommonOptions& options, std::filesystem::path& events,
                           std::filesystem::path& scene);
-
-/// Adds the argument STUDY: a file, or a name in studies_folder().
-CLI::Option* add_study(CLI::App& app, CommonOptions& options, std::filesystem::path& file);
 
 /// read_scene() of sprag/scene_file.h; prints its remarks to stderr. To be called before any output
 /// is opened: throws OverwriteError if an output would overwrite a file that the scene names.
@@ -130,25 +122,6 @@ CLI::Option* add_positive_or_max(CLI::App& app, const std::string& name, double&
 /// Adds an option that takes a whole number from 1 to `most`; anything else is bad usage.
 CLI::Option* add_count(CLI::App& app, const std::string& name, int& value, const std::string& unit,
                        const std::string& help, int most = std::numeric_limits<int>::max());
-
-/// Adds --jobs n, the number of threads, at most max_jobs.
-inline constexpr int max_jobs = 1024;
-CLI::Option* add_jobs(CLI::App& app, int& value);
-
-/// Adds an argument for one or more files that the program reads. `file_of` returns the file that
-/// an argument denotes.
-CLI::Option* add_inputs(CLI::App& app, CommonOptions& options, const std::string& name,
-                        std::vector<std::string>& texts,
-                        std::function<std::filesystem::path(const std::string&)> file_of,
-                        const std::string& help);
-
-/// Adds an option that takes a finite number, in `unit`; anything else is bad usage.
-CLI::Option* add_finite(CLI::App& app, const std::string& name, double& value,
-                        const std::string& unit, const std::string& help);
-
-/// Adds an option that takes names separated by commas; it may be repeated.
-CLI::Option* add_names(CLI::App& app, const std::string& name, std::vector<std::string>& values,
-                       const std::string& help);
 
 /// Adds an option that takes any text. `type` names its kind in the help.
 CLI::Option* add_text(CLI::App& app, const std::string& name, std::string& value,
