@@ -46,15 +46,11 @@ std::optional<double> positive_or_max(const std::string& text) {
   return text == "max" ? std::optional(std::numeric_limits<double>::infinity()) : positive(text);
 }
 
-/// The log file of a URL file://LOG?mode=w.
+/// The log file of a URL file://LOG or file://LOG?mode=w.
 NamedFile log_of(const std::string& url) {
-  constexpr std::string_view scheme = "file://";
-  NamedFile file{.option = "--url", .path = {}, .use = NamedFile::Use::read};
-  if (!url.starts_with(scheme)) return file;
-  const std::size_t question = std::min(url.find('?'), url.size());
-  file.path = url.substr(scheme.size(), question - scheme.size());
-  if (url.find("mode=w", question) != std::string::npos) file.use = NamedFile::Use::written;
-  return file;
+  using Use = NamedFile::Use;
+  const LcmUrl parsed = parse_url(url);
+  return {"--url", parsed.log, parsed.writes_log ? Use::written : Use::read};
 }
 
 std::vector<NamedFile> named_files(const CommonOptions& options) {

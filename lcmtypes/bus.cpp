@@ -58,8 +58,8 @@ struct Bus::Impl {
 
   Impl(const std::string& address, std::optional<Key> secret)
       : url(parse_url(address)), key(secret), lcm(nullptr, lcm_destroy) {
-    if (!url.written_log.empty()) {
-      log.emplace(url.written_log);
+    if (url.writes_log) {
+      log.emplace(url.log);
       if (!log->good()) throw BusError(log->error());
       return;
     }

@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <string_view>
@@ -12,12 +13,6 @@ namespace sprag {
 namespace {
 
 constexpr std::array<std::string_view, 4> providers = {"udpm", "memq", "file", "tcpq"};
-
-bool is_provider(std::string_view text) {
-  for (const std::string_view provider : providers)
-    if (text == provider) return true;
-  return false;
-}
 
 std::optional<int> parse_int(std::string_view text, int lowest, int highest) {
   int value = 0;
@@ -46,20 +41,22 @@ MulticastAddress parse_target(const std::string& url, std::string_view target) {
 
 LcmUrl parse_url(const std::string& text) {
   const std::size_t scheme = text.find("://");
-  if (scheme == std::string::npos || !is_provider(std::string_view(text).substr(0, scheme)))
+  if (scheme == std::string::npos ||
+      std::ranges::find(providers, std::string_view(text).substr(0, scheme)) == providers.end())
     throw UrlError(text +
                    ": must be udpm://GROUP:PORT?ttl=N, memq://, file://LOG or tcpq://HOST:PORT");
-  LcmUrl url{text, std::nullopt, std::nullopt, {}};
+  LcmUrl url;
+  url.text = text;
   const std::string_view rest = std::string_view(text).substr(scheme + 3);
-  const std::size_t question = rest.find('?');
-  const bool writes =
-      question != std::string_view::npos && rest.find("mode=w", question) != std::string_view::npos;
-  if (text.starts_with("file") && writes) url.written_log = rest.substr(0, question);
+  const std::size_t question = std::min(rest.find('?'), rest.size());
+  std::string_view arguments = rest.substr(std::min(question + 1, rest.size()));
+  if (text.starts_with("file")) {
+    url.log = rest.substr(0, question);
+    url.writes_log = arguments.find("mode=w") != std::string_view::npos;
+  }
   if (!text.starts_with("udpm")) return url;
 
   url.multicast = parse_target(text, rest.substr(0, question));
-  std::string_view arguments =
-      question == std::string_view::npos ? std::string_view{} : rest.substr(question + 1);
   while (!arguments.empty()) {
     const std::size_t end = arguments.find_first_of("&,");
     const std::string_view argument = arguments.substr(0, end);

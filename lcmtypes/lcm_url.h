@@ -28,7 +28,8 @@ struct LcmUrl {
   std::string text;
   std::optional<MulticastAddress> multicast;  ///< set for udpm
   std::optional<int> receive_buffer;          ///< recv_buf_size [bytes], if specified
-  std::filesystem::path written_log;          ///< LOG of file://LOG?mode=w; else empty
+  std::filesystem::path log;                  ///< LOG of file://LOG; else empty
+  bool writes_log = false;                    ///< of file://LOG?mode=w
 };
 
 /// Parses an address of provider udpm, memq, file or tcpq; "udpm://" means LCM's default group and
