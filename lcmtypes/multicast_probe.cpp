@@ -4,7 +4,6 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +12,8 @@
 #include <random>
 #include <system_error>
 
+#include "lcmtypes/descriptor.h"
+
 namespace sprag {
 
 namespace {
@@ -20,25 +21,12 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-class Socket {
- public:
-  Socket() : descriptor_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {}
-  ~Socket() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-  }
-  Socket(const Socket&) = delete;
-  Socket& operator=(const Socket&) = delete;
+Descriptor udp_socket() { return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0)); }
 
-  int descriptor() const { return descriptor_; }
-
-  template <class Value>
-  bool set(int level, int option, const Value& value) const {
-    return ::setsockopt(descriptor_, level, option, &value, sizeof value) == 0;
-  }
-
- private:
-  int descriptor_;
-};
+template <class Value>
+bool set_option(const Descriptor& socket, int level, int option, const Value& value) {
+  return ::setsockopt(socket.get(), level, option, &value, sizeof value) == 0;
+}
 
 std::string last_error() { return std::generic_category().message(errno); }
 
@@ -51,14 +39,14 @@ std::string probe_packet() {
 }
 
 /// Whether `packet` arrives before `deadline`; other packets on the port are skipped.
-bool arrives(const Socket& receiver, const std::string& packet, Clock::time_point deadline) {
+bool arrives(const Descriptor& receiver, const std::string& packet, Clock::time_point deadline) {
   std::array<char, 2048> data;
   for (;;) {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
     if (left <= 0ms) return false;
-    pollfd ready{receiver.descriptor(), POLLIN, 0};
+    pollfd ready{receiver.get(), POLLIN, 0};
     if (::poll(&ready, 1, static_cast<int>(left.count())) <= 0) continue;
-    const ssize_t size = ::recv(receiver.descriptor(), data.data(), data.size(), MSG_DONTWAIT);
+    const ssize_t size = ::recv(receiver.get(), data.data(), data.size(), MSG_DONTWAIT);
     if (size == static_cast<ssize_t>(packet.size()) &&
         std::equal(packet.begin(), packet.end(), data.begin()))
       return true;
@@ -69,8 +57,7 @@ bool arrives(const Socket& receiver, const std::string& packet, Clock::time_poin
 
 std::optional<ProbeFailure> probe_multicast(const MulticastAddress& address) {
   using Cause = ProbeFailure::Cause;
-  const Socket receiver;
-  const Socket sender;
+  const Descriptor receiver = udp_socket(), sender = udp_socket();
   sockaddr_in group{};
   group.sin_family = AF_INET;
   group.sin_port = htons(address.port);
@@ -78,21 +65,21 @@ std::optional<ProbeFailure> probe_multicast(const MulticastAddress& address) {
   const auto* name = reinterpret_cast<const sockaddr*>(&group);
 
   const ip_mreq membership{group.sin_addr, {htonl(INADDR_ANY)}};
-  if (!receiver.set(SOL_SOCKET, SO_REUSEADDR, 1) ||
-      ::bind(receiver.descriptor(), name, sizeof group) != 0) {
+  if (!set_option(receiver, SOL_SOCKET, SO_REUSEADDR, 1) ||
+      ::bind(receiver.get(), name, sizeof group) != 0) {
     return ProbeFailure{errno == EADDRINUSE ? Cause::port_taken : Cause::port_refused,
                         last_error()};
   }
-  if (!receiver.set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
-      !sender.set(IPPROTO_IP, IP_MULTICAST_TTL, address.ttl) ||
-      !sender.set(IPPROTO_IP, IP_MULTICAST_LOOP, 1)) {
+  if (!set_option(receiver, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership) ||
+      !set_option(sender, IPPROTO_IP, IP_MULTICAST_TTL, address.ttl) ||
+      !set_option(sender, IPPROTO_IP, IP_MULTICAST_LOOP, 1)) {
     return ProbeFailure{Cause::no_multicast, last_error()};
   }
 
   const std::string packet = probe_packet();
   const auto deadline = Clock::now() + 1s;
   do {  // repeated, since a busy port may drop one
-    if (::sendto(sender.descriptor(), packet.data(), packet.size(), 0, name, sizeof group) < 0) {
+    if (::sendto(sender.get(), packet.data(), packet.size(), 0, name, sizeof group) < 0) {
       return ProbeFailure{Cause::no_multicast, last_error()};
     }
     if (arrives(receiver, packet, std::min(deadline, Clock::now() + 100ms))) return std::nullopt;

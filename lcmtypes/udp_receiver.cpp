@@ -5,7 +5,6 @@
 #include <linux/sock_diag.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -66,9 +65,9 @@ UdpReceiver::UdpReceiver(const MulticastAddress& address, int receive_buffer)
     : descriptor_(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)),
       this_host_only_(address.ttl == 0),
       buffer_(largest_datagram) {
-  if (descriptor_ < 0) fail("socket");
+  if (!descriptor_) fail("socket");
   const auto set = [this](int level, int option, const auto& value) {
-    return ::setsockopt(descriptor_, level, option, &value, sizeof value) == 0;
+    return ::setsockopt(descriptor(), level, option, &value, sizeof value) == 0;
   };
   const int yes = 1;
   const int no = 0;
@@ -85,16 +84,12 @@ UdpReceiver::UdpReceiver(const MulticastAddress& address, int receive_buffer)
   ip_mreq membership{};
   inet_pton(AF_INET, address.group.c_str(), &membership.imr_multiaddr);
   if (!set(SOL_SOCKET, SO_REUSEADDR, yes) ||
-      ::bind(descriptor_, reinterpret_cast<const sockaddr*>(&any), sizeof any) != 0 ||
+      ::bind(descriptor(), reinterpret_cast<const sockaddr*>(&any), sizeof any) != 0 ||
       !set(IPPROTO_IP, IP_ADD_MEMBERSHIP, membership)) {
-    const int error = errno;
-    ::close(descriptor_);
-    throw std::system_error(error, std::generic_category(), "multicast");
+    fail("multicast");
   }
   if (this_host_only_) read_own_addresses();
 }
-
-UdpReceiver::~UdpReceiver() { ::close(descriptor_); }
 
 bool UdpReceiver::receive(Datagram& datagram) {
   sockaddr_in sender{};
@@ -107,7 +102,7 @@ bool UdpReceiver::receive(Datagram& datagram) {
   message.msg_iovlen = 1;
   message.msg_control = control.data();
   message.msg_controllen = control.size();
-  const ssize_t size = ::recvmsg(descriptor_, &message, 0);
+  const ssize_t size = ::recvmsg(descriptor(), &message, 0);
   if (size < 0) {
     if (errno == EAGAIN || errno == EINTR) return false;
     fail("recvmsg");
@@ -146,7 +141,7 @@ void UdpReceiver::note_drops(std::uint32_t drops) {
 void UdpReceiver::count_drops() {
   std::array<std::uint32_t, SK_MEMINFO_VARS> figures{};
   socklen_t size = sizeof figures;
-  if (::getsockopt(descriptor_, SOL_SOCKET, SO_MEMINFO, figures.data(), &size) == 0) {
+  if (::getsockopt(descriptor(), SOL_SOCKET, SO_MEMINFO, figures.data(), &size) == 0) {
     note_drops(figures[SK_MEMINFO_DROPS]);
   }
 }

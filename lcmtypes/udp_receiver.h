@@ -14,6 +14,7 @@
 #include <string_view>
 #include <vector>
 
+#include "lcmtypes/descriptor.h"
 #include "lcmtypes/lcm_url.h"
 
 namespace sprag {
@@ -47,9 +48,6 @@ class UdpReceiver {
   /// Requests `receive_buffer` bytes from the kernel; as root, more than net.core.rmem_max is
   /// possible. Throws std::system_error.
   UdpReceiver(const MulticastAddress& address, int receive_buffer);
-  ~UdpReceiver();
-  UdpReceiver(const UdpReceiver&) = delete;
-  UdpReceiver& operator=(const UdpReceiver&) = delete;
 
   struct Datagram {
     std::span<const std::uint8_t> bytes;  ///< valid until the next receive()
@@ -61,7 +59,7 @@ class UdpReceiver {
   /// Receives a datagram that has arrived; false if there is none. Throws std::system_error.
   bool receive(Datagram& datagram);
 
-  int descriptor() const { return descriptor_; }
+  int descriptor() const { return descriptor_.get(); }
   /// Number of datagrams that the kernel dropped because the buffer was full: those before the last
   /// received one, and after count_drops() all of them.
   std::int64_t overflowed() const { return overflowed_; }
@@ -75,7 +73,7 @@ class UdpReceiver {
   bool from_here(std::uint32_t address);
   void read_own_addresses();
 
-  int descriptor_;
+  Descriptor descriptor_;
   bool this_host_only_;
   std::vector<std::uint32_t> own_addresses_;
   std::int64_t addresses_read_ = 0;  // monotonic [ns]

@@ -8,75 +8,28 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <optional>
-#include <string_view>
 #include <utility>
 
 #include "command_line/program.h"
+#include "lcmtypes/descriptor.h"
 
 namespace sprag {
 
 namespace {
 
-/// A file descriptor that is closed with its owner.
-class Descriptor {
- public:
-  explicit Descriptor(int descriptor = -1) : descriptor_(descriptor) {}
-  Descriptor(Descriptor&& other) noexcept : descriptor_(std::exchange(other.descriptor_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    reset();
-    descriptor_ = std::exchange(other.descriptor_, -1);
-    return *this;
-  }
-  ~Descriptor() { reset(); }
-
-  int get() const { return descriptor_; }
-  explicit operator bool() const { return descriptor_ >= 0; }
-  void reset() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-    descriptor_ = -1;
-  }
-
- private:
-  int descriptor_;
-};
-
-/// What one read() has brought.
-struct Piece {
-  std::string_view bytes;
-  bool over = false;  // end of the file, or an error
-};
-
-class Reader {
- public:
-  Piece read(int descriptor) {
-    const ssize_t count = ::read(descriptor, buffer_.data(), buffer_.size());
-    if (count > 0) return {{buffer_.data(), static_cast<std::size_t>(count)}, false};
-    return {{}, count == 0 || (errno != EINTR && errno != EAGAIN)};
-  }
-
- private:
-  std::array<char, 65536> buffer_;
-};
-
 class StandardInput : public EdgeSource {
  public:
-  const std::string& name() const override { return name_; }
+  StandardInput() : EdgeSource("stdin") {}
   int descriptor() const override { return STDIN_FILENO; }
 
   bool read(Intake& intake, IntakeSink&, double now) override {
-    const Piece piece = reader_.read(STDIN_FILENO);
-    intake.take(piece.bytes, now);
-    return !piece.over;
+    const auto bytes = bytes_of(STDIN_FILENO);
+    if (bytes) intake.take(*bytes, now);
+    return bytes.has_value();
   }
-
- private:
-  std::string name_ = "stdin";
-  Reader reader_;
 };
 
 struct Rate {
@@ -102,25 +55,26 @@ speed_t code_of(int baud) {
 
 class SerialPort : public EdgeSource {
  public:
-  SerialPort(std::string device, int baud) : name_(std::move(device)), rate_(code_of(baud)) {
+  SerialPort(const std::string& device, int baud) : EdgeSource(device), rate_(code_of(baud)) {
     if (const std::string why = open(); !why.empty()) throw UsageError(name_ + ": " + why);
   }
 
-  const std::string& name() const override { return name_; }
   int descriptor() const override { return port_.get(); }
 
   bool read(Intake& intake, IntakeSink& sink, double now) override {
-    const Piece piece = reader_.read(port_.get());
-    if (!piece.bytes.empty() && std::exchange(fresh_, false) &&
+    const auto bytes = bytes_of(port_.get());
+    if (!bytes) {
+      port_ = Descriptor();
+      intake.disconnect();
+      sink.notice("the device is gone; it is opened again when it is back");
+      return true;
+    }
+    if (!bytes->empty() && std::exchange(fresh_, false) &&
         (!waits_since_ || now - *waits_since_ < under_way)) {
       sink.notice("the first line may have lost its begin, and is skipped");
       intake.skip_line();
     }
-    intake.take(piece.bytes, now);
-    if (!piece.over) return true;
-    port_.reset();
-    intake.disconnect();
-    sink.notice("the device is gone; it is opened again when it is back");
+    intake.take(*bytes, now);
     return true;
   }
 
@@ -157,10 +111,8 @@ class SerialPort : public EdgeSource {
     return {};
   }
 
-  std::string name_;
   speed_t rate_;
   Descriptor port_;
-  Reader reader_;
   double tried_ = 0.0;                 // last attempt to open it
   bool fresh_ = true;                  // no byte has arrived since it was opened
   std::optional<double> waits_since_;  // after it was opened
@@ -168,8 +120,9 @@ class SerialPort : public EdgeSource {
 
 class TcpPort : public EdgeSource {
  public:
-  explicit TcpPort(int port) : name_("127.0.0.1:" + std::to_string(port)) {
-    listener_ = Descriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  explicit TcpPort(int port)
+      : EdgeSource("127.0.0.1:" + std::to_string(port)),
+        listener_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     const int yes = 1;
     ::setsockopt(listener_.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
     sockaddr_in address{};
@@ -186,7 +139,6 @@ class TcpPort : public EdgeSource {
     name_ = "127.0.0.1:" + std::to_string(ntohs(address.sin_port));
   }
 
-  const std::string& name() const override { return name_; }
   int descriptor() const override { return client_ ? client_.get() : listener_.get(); }
 
   bool read(Intake& intake, IntakeSink& sink, double now) override {
@@ -198,19 +150,18 @@ class TcpPort : public EdgeSource {
       }
       return true;
     }
-    const Piece piece = reader_.read(client_.get());
-    intake.take(piece.bytes, now);
-    if (!piece.over) return true;
-    client_.reset();
+    if (const auto bytes = bytes_of(client_.get())) {
+      intake.take(*bytes, now);
+      return true;
+    }
+    client_ = Descriptor();
     intake.disconnect();
     sink.notice("the client is gone; the port waits for the next one");
     return true;
   }
 
  private:
-  std::string name_;
   Descriptor listener_, client_;
-  Reader reader_;
   bool had_client_ = false;
 };
 
@@ -220,6 +171,12 @@ std::int64_t monotonic_ns() {
 }
 
 }  // namespace
+
+std::optional<std::string_view> EdgeSource::bytes_of(int descriptor) {
+  const ssize_t count = ::read(descriptor, buffer_.data(), buffer_.size());
+  if (count == 0 || (count < 0 && errno != EINTR && errno != EAGAIN)) return std::nullopt;
+  return std::string_view(buffer_.data(), static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+}
 
 double host_seconds() {
   static const std::int64_t start = monotonic_ns();

@@ -1,10 +1,13 @@
 // Where lines come from: standard input, a serial port, a client on a TCP port.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
-#include <vector>
+#include <string_view>
+#include <utility>
 
 #include "tools/listen/intake.h"
 
@@ -15,7 +18,7 @@ class EdgeSource {
   virtual ~EdgeSource() = default;
 
   /// Its name in messages.
-  virtual const std::string& name() const = 0;
+  const std::string& name() const { return name_; }
 
   /// The file descriptor to wait for; -1: nothing to wait for now.
   virtual int descriptor() const = 0;
@@ -31,7 +34,17 @@ class EdgeSource {
   std::int64_t reconnections() const { return reconnections_; }
 
  protected:
+  explicit EdgeSource(std::string name) : name_(std::move(name)) {}
+
+  /// The bytes that have arrived at a descriptor, valid until the next call; nullopt at the end of
+  /// the file or after an error.
+  std::optional<std::string_view> bytes_of(int descriptor);
+
+  std::string name_;
   std::int64_t reconnections_ = 0;
+
+ private:
+  std::array<char, 65536> buffer_;
 };
 
 /// The standard input, up to its end.
