@@ -9,16 +9,21 @@
 // Thread-safe.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <thread>
+#include <utility>
+#include <vector>
 
-#include "lcmtypes/key.h"
-#include "lcmtypes/lcm_url.h"
+#include "lcmtypes/bus.h"
+#include "lcmtypes/contact_sender.h"
+#include "lcmtypes/input_sender.h"
 #include "sprag/contact_event.h"
 
 namespace sprag {
@@ -38,8 +43,8 @@ class EventPublisher {
   /// Starts a new session of a machine with `contacts` contacts. Throws BusError, UrlError, or
   /// std::invalid_argument.
   EventPublisher(int contacts, const PublisherSettings& settings);
-  EventPublisher(EventPublisher&&) noexcept;
-  EventPublisher& operator=(EventPublisher&&) noexcept;
+  EventPublisher(const EventPublisher&) = delete;
+  EventPublisher& operator=(const EventPublisher&) = delete;
   ~EventPublisher();  ///< close()
 
   /// Takes an event later than the watermark; the order does not matter. The event is sent when the
@@ -70,13 +75,31 @@ class EventPublisher {
   /// Repeats the last messages for 0.2 s, since no later ones would repair their loss.
   void close() noexcept;
 
-  std::int64_t session() const;  ///< random
-  std::int64_t sent() const;     ///< messages of both channels
-  std::int64_t unsent() const;   ///< messages that could not be sent
+  std::int64_t session() const { return sender_.session(); }  ///< random
+  std::int64_t sent() const;                                  ///< messages of both channels
+  std::int64_t unsent() const;                                ///< messages that could not be sent
 
  private:
-  class Core;
-  std::unique_ptr<Core> core_;
+  void beat(const std::stop_token& stop);
+  bool begun() const { return said_ >= 0.0; }  // a contact message has been sent
+  void send();
+
+  int contacts_;
+  bool paced_;
+  std::mutex closing_;
+  mutable std::mutex mutex_;  // protects all members below
+  std::condition_variable_any wake_;
+  Bus bus_;
+  ContactSender sender_;
+  std::optional<InputSender> input_sender_;  // after start_input()
+  // Samples until the first contact message, by which observers know the session.
+  std::vector<std::pair<std::int64_t, double>> early_;
+  std::vector<ContactEvent> waiting_;  // later than the watermark, in order
+  double horizon_ = -1.0;              // watermark; -1: none yet
+  double said_ = -1.0;                 // watermark of the last message
+  int repeats_ = 0;                    // number of messages that repeated it
+  bool closed_ = false;
+  std::jthread beats_;  // last member: it uses all others
 };
 
 }  // namespace sprag
