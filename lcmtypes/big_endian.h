@@ -3,12 +3,10 @@
 // not. Callers must check sizes before.
 #pragma once
 
-#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <string_view>
 #include <type_traits>
 
 namespace sprag {
@@ -21,15 +19,6 @@ void put(std::uint8_t*& to, Integer value) {
     *to++ = static_cast<std::uint8_t>(bits >> (8 * i));
 }
 inline void put(std::uint8_t*& to, double value) { put(to, std::bit_cast<std::uint64_t>(value)); }
-
-/// Writes a text as LCM does: its length including the final zero, the text, the zero. text_size()
-/// is the number of bytes.
-inline std::size_t text_size(std::string_view text) { return 4 + text.size() + 1; }
-inline void put_text(std::uint8_t*& to, std::string_view text) {
-  put(to, static_cast<std::int32_t>(text.size() + 1));
-  to = std::copy(text.begin(), text.end(), to);
-  *to++ = 0;
-}
 
 /// Reads a value at `from` and moves `from` past it.
 template <std::integral Integer>

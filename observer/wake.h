@@ -3,7 +3,6 @@
 
 #include <semaphore.h>
 
-#include <cerrno>
 #include <cstdint>
 #include <ctime>
 
@@ -34,12 +33,6 @@ class Wake {
   sem_t semaphore_;
 };
 
-/// Sleeps until a time of the monotonic clock [ns], in spite of signals.
-inline void sleep_until(std::int64_t time) {
-  const timespec until{time / 1'000'000'000, time % 1'000'000'000};
-  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
-  }
-}
 
 inline std::int64_t monotonic_now() {
   timespec time;
