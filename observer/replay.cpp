@@ -56,12 +56,7 @@ class Replay {
 
   bool events_csv(const EventsFile& recorded, const std::string& name,
                   nlohmann::ordered_json& report) {
-    for (const FileProblem& problem : recorded.skipped) {
-      std::cerr << name << ':' << problem.line << ": skipped: " << problem.what << '\n';
-    }
     if (recorded.damage) {
-      std::cerr << name << ':' << recorded.damage->line << ": " << recorded.damage->what
-                << "; everything before is used\n";
       report["damage"] = {{"line", recorded.damage->line}, {"what", recorded.damage->what}};
     }
     report["skipped_rows"] = recorded.skipped.size();

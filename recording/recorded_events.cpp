@@ -20,22 +20,11 @@ constexpr double near = 100.0;  // s
 
 RecordedEvents read_csv(InputFile file, int contacts, double end, const ContactClock& clock) {
   RecordedEvents recorded;
-  const std::string name = file.path().string();
   EventsFile of_file =
       read_machine_events(std::move(file), contacts, end, clock, recorded.problems);
   recorded.events = std::move(of_file.events);
   recorded.gaps = std::move(of_file.gaps);
-  const auto at_line = [&](const FileProblem& problem) {
-    return name + ':' + std::to_string(problem.line) + ": ";
-  };
-  for (const FileProblem& problem : of_file.skipped) {
-    recorded.problems.push_back(at_line(problem) + "skipped: " + problem.what);
-  }
-  if (of_file.damage) {
-    recorded.whole = false;
-    recorded.problems.push_back(at_line(*of_file.damage) + of_file.damage->what +
-                                "; everything before is used");
-  }
+  recorded.whole = !of_file.damage;
   return recorded;
 }
 
@@ -111,25 +100,30 @@ RecordedEvents read_log(InputFile file, int contacts, AfterLoss after_loss,
 
 }  // namespace
 
-void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
-                            const std::string& advice) {
-  if (!events.implausible || std::isfinite(end)) return;
-  const FileProblem& problem = events.implausible->problem;
-  throw InputError(file + ":" + std::to_string(problem.line) + ": " + problem.what +
-                   " Correct or remove the row" + advice);
-}
-
 EventsFile read_machine_events(InputFile file, int contacts, double end, const ContactClock& clock,
-                               std::vector<std::string>& problems, const std::string& advice) {
+                               std::vector<std::string>& problems) {
   const std::string name = file.path().string();
+  const auto at_line = [&](const FileProblem& problem) {
+    return name + ':' + std::to_string(problem.line) + ": ";
+  };
   EventsFile events = read_events(std::move(file), contacts);
-  refuse_implausible_end(events, name, end, advice);
+  if (events.implausible && !std::isfinite(end)) {
+    const FileProblem& problem = events.implausible->problem;
+    throw InputError(at_line(problem) + problem.what +
+                     " Correct or remove the row, shift all times (import_events --offset), or "
+                     "give --duration, up to which events count");
+  }
   if (const std::size_t before = to_machine_time(clock, events); before > 0) {
     std::ostringstream text;
     text << name << ": " << before << (before == 1 ? " event" : " events")
          << " before the machine's t = 0, by clock.offset = " << clock.offset << ", left out";
     problems.push_back(text.str());
   }
+  for (const FileProblem& row : events.skipped)
+    problems.push_back(at_line(row) + "skipped: " + row.what);
+  if (events.damage)
+    problems.push_back(at_line(*events.damage) + events.damage->what +
+                       "; everything before is used");
   return events;
 }
 

@@ -29,22 +29,13 @@ struct RecordedEvents {
   std::int64_t sessions = 0;          ///< master sessions in a log; the events are of the last one
 };
 
-/// Remedy for an implausible end besides "correct or remove the row".
-inline constexpr const char* shift_or_end =
-    ", shift all times (import_events --offset), or give --duration, up to which events count";
-
-/// Throws InputError if the end of a run is undefined because a CSV's last event has an implausible
-/// time. `end` [s] is the end that the user has specified, infinity if none: then a run ends at the
-/// last event. `advice`: remedy besides "correct or remove the row".
-void refuse_implausible_end(const EventsFile& events, const std::string& file, double end,
-                            const std::string& advice = shift_or_end);
-
-/// Reads an events CSV and converts its times from `clock` to the machine's time. Adds a line to
-/// `problems` if events before t = 0 are left out. Throws InputError as read_events() and
-/// refuse_implausible_end() do.
+/// Reads an events CSV and converts its times from `clock` to the machine's time. Adds lines to
+/// `problems` about events before t = 0 and skipped rows, which are left out, and about damage,
+/// from which on nothing is used. Throws InputError as read_events() does, and if the end of a run
+/// is undefined because the last event has an implausible time. `end` [s] is the end that the user
+/// has specified, infinity if none: then a run ends at the last event.
 EventsFile read_machine_events(InputFile file, int contacts, double end, const ContactClock& clock,
-                               std::vector<std::string>& problems,
-                               const std::string& advice = shift_or_end);
+                               std::vector<std::string>& problems);
 
 /// Treatment of the events after lost records of a log.
 enum class AfterLoss { used, dropped };
