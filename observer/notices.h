@@ -35,7 +35,7 @@ enum class Notice {
   odd_speed,        ///< its speed
   odd_number,       ///< its message number
   odd_records,      ///< its number of records
-  backwards,        ///< time [s] and contact of the event; also for the next three
+  backwards,        ///< time [s] and contact, from 1, of the event; also for the next three
   beyond_horizon,
   unknown_contact,
   contradicting,

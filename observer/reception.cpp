@@ -14,25 +14,11 @@ using namespace std::chrono_literals;
 constexpr std::int64_t longest_queued = 60'000'000;  // us, for a message in the kernel's buffer
 
 Notice notice_of(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::wrong_type:
-      return Notice::wrong_type;
-    case Refusal::truncated:
-    case Refusal::oversized:
-      return Notice::wrong_size;
-    case Refusal::bad_contact:
-      return Notice::bad_contact;
-    case Refusal::bad_kind:
-      return Notice::bad_kind;
-    case Refusal::bad_closed:
-      return Notice::bad_closed;
-    case Refusal::bad_time:
-      return Notice::bad_time;
-    case Refusal::bad_speed:
-      return Notice::bad_speed;
-    default:
-      return Notice::bad_count;
-  }
+  using enum Notice;
+  constexpr std::array<Notice, refusal_kinds> notices{
+      bad_count, wrong_type, wrong_size, wrong_size, bad_count, bad_contact,
+      bad_kind,  bad_closed, bad_time,   bad_speed,  bad_count};
+  return notices[static_cast<std::size_t>(refusal)];
 }
 
 // The session number in a message that has not been checked; 0 if it is too short.

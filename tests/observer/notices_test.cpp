@@ -17,11 +17,11 @@ std::int64_t lines(const std::string& text) { return std::ranges::count(text, '\
 TEST(Notices, CauseIsPrintedAtOnceThenOncePerSecond) {
   Notices notices;
   std::ostringstream out;
-  notices.raise(Notice::backwards, 1, 4.5, 1);
+  notices.raise(Notice::backwards, 1, 4.5, 2);
   notices.print(0, out);
   EXPECT_EQ(lines(out.str()), 1);
   EXPECT_NE(out.str().find("contact 2 at t = 4.5 "), std::string::npos) << out.str();
-  for (int i = 0; i < 10; ++i) notices.raise(Notice::backwards, 1, 5.0 + i, 0);
+  for (int i = 0; i < 10; ++i) notices.raise(Notice::backwards, 1, 5.0 + i, 1);
   notices.print(one_second - 1, out);
   EXPECT_EQ(lines(out.str()), 1);
   notices.print(one_second, out);
@@ -66,7 +66,7 @@ TEST(Notices, OneThreadRaisesAnotherPrints) {
   std::ostringstream out;
   std::atomic<bool> done = false;
   std::thread raising([&] {
-    for (int i = 0; i < 100'000; ++i) notices.raise(Notice::contradicting, 1, i, i);
+    for (int i = 0; i < 100'000; ++i) notices.raise(Notice::contradicting, 1, i, i + 1);
     done = true;
   });
   std::int64_t now = 0;
