@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <string>
 
 #include "command_line/program.h"
@@ -102,10 +101,7 @@ void print(const LiveFigures& figures, bool verbose, std::ostream& out) {
   out << "ticks " << figures.ticks << " settled, " << integration.unsettled_ticks
       << " unsettled; missed deadlines " << integration.missed << " of "
       << integration.lateness.count() << "; events " << figures.events.events << ", lost "
-      << figures.events.lost_records << ", skipped "
-      << std::accumulate(figures.events.skipped.begin(), figures.events.skipped.end(),
-                         std::int64_t{0})
-      << '\n';
+      << figures.events.lost_records << ", skipped " << all_skipped(figures.events) << '\n';
   if (!verbose) return;
   print_times("lateness ", integration.lateness, out);
   print_times("execution", integration.execution, out);

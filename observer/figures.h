@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <iosfwd>
 #include <nlohmann/json_fwd.hpp>
+#include <numeric>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/refusal.h"
@@ -51,6 +52,11 @@ struct LiveFigures {
   std::int64_t ticks = 0;   ///< settled and published
   std::int64_t unsent = 0;  ///< estimates that could not be sent
 };
+
+/// Number of events that were skipped, for any cause.
+inline std::int64_t all_skipped(const EventCounts& counts) {
+  return std::accumulate(counts.skipped.begin(), counts.skipped.end(), std::int64_t{0});
+}
 
 /// Events with an unusual latency.
 struct DelayedEvents {

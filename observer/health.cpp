@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
-#include <numeric>
 
 namespace sprag {
 namespace {
@@ -18,15 +17,7 @@ EstimateSource source_of(const Confidence& confidence) {
 
 health_t health_of(const IntegrationStatus& status, const ReceptionFigures& reception) {
   const MessageCounts& messages = status.messages;
-  health_t health{};
-  health.session = status.session;
-  health.tick = status.tick;
-  health.t = status.t;
-  health.master = static_cast<std::int8_t>(status.master);
-  health.input = static_cast<std::int8_t>(status.input);
-  health.period = seconds(status.period);
-  if (status.period > 0) health.real_time_factor = status.simulated / health.period;
-  health.speed = status.speed;
+  health_t health = status.health;
   health.latencies = status.event_latency.count();
   health.latency_p50 = seconds(status.event_latency.quantile(0.5));
   health.latency_p99 = seconds(status.event_latency.quantile(0.99));
@@ -35,16 +26,6 @@ health_t health_of(const IntegrationStatus& status, const ReceptionFigures& rece
   health.lateness_p99 = seconds(status.lateness.quantile(0.99));
   health.lateness_max = seconds(status.lateness.largest());
   health.sessions = messages.sessions;
-  health.deadlines = status.deadlines;
-  health.missed_deadlines = status.missed;
-  health.real_time_losses = status.real_time_losses;
-  health.events = status.events.events;
-  health.late_events = status.late_events;
-  health.lost_events = status.events.lost_records;
-  health.gaps = status.gaps;
-  health.skipped_events =
-      std::accumulate(status.events.skipped.begin(), status.events.skipped.end(), std::int64_t{0});
-  health.rollbacks = status.rollbacks;
   health.messages = messages.received;
   // Negative while an overtaken message is still on its way.
   health.lost_messages = std::max<std::int64_t>(messages.lost, 0);

@@ -378,26 +378,33 @@ void RealTimeLoop::hand_over_status(std::int64_t now) {
   const bool started = time_line_.started();
   // Only messages of the followed session count here.
   const bool silent = now - last_received_ > silent_after;
-  status_.master = !started   ? MasterState::awaited
-                   : at_end() ? MasterState::ended
-                   : silent   ? MasterState::silent
-                              : MasterState::received;
+  const EventCounts& events = time_line_.events().counts();
+  health_t& health = status_.health;
+  const auto master = !started   ? MasterState::awaited
+                      : at_end() ? MasterState::ended
+                      : silent   ? MasterState::silent
+                                 : MasterState::received;
+  health.master = static_cast<std::int8_t>(master);
   if (estimation_.stream) {
     const bool input_silent = now - last_input_ > silent_after || !estimation_.stream->started();
-    status_.input = input_silent ? InputState::silent : InputState::received;
+    health.input =
+        static_cast<std::int8_t>(input_silent ? InputState::silent : InputState::received);
   }
-  status_.session = sessions_.session();
-  status_.tick = reached_;
-  status_.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;
-  status_.speed = started ? clock_.speed() : 0.0;
-  status_.period = now - status_reported_;
-  status_.deadlines = figures_.lateness.count();
-  status_.missed = figures_.missed;
-  status_.real_time_losses = figures_.real_time_losses;
-  status_.late_events = figures_.late_events;
-  status_.gaps = static_cast<std::int64_t>(time_line_.events().degraded().size());
-  status_.rollbacks = time_line_.rollbacks().rollbacks;
-  status_.events = time_line_.events().counts();
+  health.session = sessions_.session();
+  health.tick = reached_;
+  health.t = reached_ < 0 ? -1.0 : tick_instant(reached_, h_).hi;
+  health.speed = started ? clock_.speed() : 0.0;
+  health.period = 1e-9 * static_cast<double>(now - status_reported_);
+  if (health.period > 0.0) health.real_time_factor = status_.simulated / health.period;
+  health.deadlines = figures_.lateness.count();
+  health.missed_deadlines = figures_.missed;
+  health.real_time_losses = figures_.real_time_losses;
+  health.events = events.events;
+  health.late_events = figures_.late_events;
+  health.lost_events = events.lost_records;
+  health.gaps = static_cast<std::int64_t>(time_line_.events().degraded().size());
+  health.skipped_events = all_skipped(events);
+  health.rollbacks = time_line_.rollbacks().rollbacks;
   status_.messages = sessions_.counts();
   *slot = status_;
   outbox_.statuses.push();

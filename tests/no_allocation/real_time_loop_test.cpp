@@ -77,9 +77,9 @@ void expect_no_allocation(const Scene& scene) {
     status = outbox.statuses.front();
     ASSERT_NE(status, nullptr);
   }
-  EXPECT_EQ(status->session, 7);
-  EXPECT_EQ(status->tick, 4000);
-  EXPECT_EQ(status->events.events, static_cast<std::int64_t>(events.size()));
+  EXPECT_EQ(status->health.session, 7);
+  EXPECT_EQ(status->health.tick, 4000);
+  EXPECT_EQ(status->health.events, static_cast<std::int64_t>(events.size()));
 }
 
 TEST(RealTimeLoop, RunsAndReportsStatusWithoutAllocating) {
