@@ -32,6 +32,9 @@ class ConfidenceRecord {
   /// Sets the complete confidence of the last settled tick so far; `initial` is B(0).
   void conclude(const Confidence& confidence, double initial);
 
+  std::int64_t ticks() const { return ticks_; }  ///< number of ticks
+  double t() const { return t_; }                ///< time of the last one [s]
+
   /// Number of gate failures of the filter, in all sessions.
   std::int64_t inconsistencies() const { return inconsistencies_.total; }
 

@@ -23,16 +23,10 @@ SettledOutput::SettledOutput(const std::filesystem::path& states, const Estimate
 }
 
 void SettledOutput::note(const EstimateSample& settled) {
-  ++ticks_;
-  t_ = settled.t;
   record_.note(settled.t, settled.confidence, std::cerr);
 }
 
-void SettledOutput::pass(std::int64_t ticks, double t) {
-  ticks_ += ticks;
-  t_ = t;
-  record_.pass(ticks, t);
-}
+void SettledOutput::pass(std::int64_t ticks, double t) { record_.pass(ticks, t); }
 
 void SettledOutput::conclude(const EstimateSample& settled) {
   record_.conclude(settled.confidence, initial_bound_);

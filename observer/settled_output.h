@@ -39,8 +39,8 @@ class SettledOutput {
 
   /// Number of gate failures of the filter.
   std::int64_t inconsistencies() const { return record_.inconsistencies(); }
-  std::int64_t ticks() const { return ticks_; }  ///< number of settled ticks
-  double t() const { return t_; }                ///< time of the last one [s]
+  std::int64_t ticks() const { return record_.ticks(); }  ///< number of settled ticks
+  double t() const { return record_.t(); }                ///< time of the last one [s]
 
   /// Adds the confidence and the counts of events to a report and prints a summary.
   void sum_up(const EventHistory& events, bool verbose, nlohmann::ordered_json& report) const;
@@ -56,8 +56,6 @@ class SettledOutput {
   std::optional<StatesWriter> states_;
   ConfidenceRecord record_;
   std::vector<double> columns_;
-  std::int64_t ticks_ = 0;
-  double t_ = 0.0;
 };
 
 }  // namespace sprag
