@@ -18,7 +18,6 @@
 #include "lcmtypes/messages.h"
 #include "tools/sync_logger/logger.h"
 #include "tools/sync_logger/losses.h"
-#include "tools/sync_logger/report.h"
 #include "tools/sync_logger/sync_file.h"
 
 namespace sprag {

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 
 #include "lcmtypes/messages.h"
@@ -90,5 +91,9 @@ class Pairing {
   std::optional<double> last_t_;  // of the last row of this session
   double last_v_ = 0.0;
 };
+
+/// Rows, sessions, t, V and unpaired samples, for a report. Samples that still wait count as
+/// unpaired.
+nlohmann::ordered_json to_json(const Pairing& pairing);
 
 }  // namespace sprag

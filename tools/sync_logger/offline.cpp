@@ -6,7 +6,6 @@
 #include "command_line/program.h"
 #include "sprag/detail/files/states_file.h"
 #include "tools/sync_logger/logger.h"
-#include "tools/sync_logger/report.h"
 #include "tools/sync_logger/sync_file.h"
 
 namespace sprag {
