@@ -114,7 +114,7 @@ void Intake::take_timed(const ParsedLine& line, std::int64_t number, std::string
   if (!held.reading.problem.empty()) return refuse(number, text, held.reading.problem);
   if (!connected_) {
     if (held.reading.order == Order::falls) {
-      restart_clock(*clock_.last(), held.reading.t);
+      restart_clock(held.reading.t);
       held.reading = clock_.read(*line.time, arrival);
     }
     begin_session();
@@ -155,7 +155,7 @@ void Intake::hold(Held held) {
 void Intake::release_held(bool restarted) {
   std::vector<Held> held = std::exchange(held_, {});
   if (restarted) {
-    restart_clock(*clock_.last(), held.front().reading.t);
+    restart_clock(held.front().reading.t);
     begin_session();
   }
   for (Held& line : held) {
@@ -284,10 +284,11 @@ void Intake::check_rate(double t, double arrival) {
   sink_.notice(text.data());
 }
 
-void Intake::restart_clock(double from, double to) {
+// The device's time goes on from `t`.
+void Intake::restart_clock(double t) {
   constexpr double counter_end = 4294967296.0, close_to_it = 0.95;
-  std::string text = "the device's time went back from " + seconds_text(from) + " to " +
-                     seconds_text(to) + ": it was restarted, and a new session begins";
+  std::string text = "the device's time went back from " + seconds_text(*clock_.last()) + " to " +
+                     seconds_text(t) + ": it was restarted, and a new session begins";
   const double count = difference_in(clock_.last_value(), {}, {1, 0});
   if (options_.clock.counter_bits == 0 && count > close_to_it * counter_end && count < counter_end)
     text += " (if its counter of 32 bits has wrapped: --counter-bits 32)";
@@ -310,7 +311,7 @@ void Intake::flush() {
 
 void Intake::pass(double now) {
   if (std::isinf(options_.clock.speed) || !connected_) return;
-  if (!stalled_ && now - last_line_.value_or(began_) > options_.stall) {
+  if (!stalled_ && now - last_line_.value_or(0.0) > options_.stall) {
     stalled_ = true;
     ++counts_.stalls;
     sink_.notice("no line for " + seconds_text(options_.stall) +

@@ -125,7 +125,7 @@ class Intake {
                    std::string_view text);
   void take_sample(double value, double t, std::int64_t number, std::string_view text);
   void begin_session();
-  void restart_clock(double from, double to);
+  void restart_clock(double t);
   void check_rate(double t, double arrival);
   void flush();
   void refuse(std::int64_t number, std::string_view text, std::string why);
@@ -146,7 +146,6 @@ class Intake {
   std::optional<double> latest_;     // time of the last lines, not yet given to stream_
   std::optional<double> last_line_;  // its arrival
   std::optional<std::pair<double, double>> first_;  // time and arrival of a session's first line
-  double began_ = 0.0;                              // arrival at the begin of waiting
   bool any_session_ = false;
   bool connected_ = true;      // false: the next line is of another connection
   bool header_again_ = false;  // a header came after lines

@@ -15,7 +15,6 @@ namespace sprag {
 
 namespace {
 
-constexpr std::string_view field_blanks = " \t";
 constexpr char any_blanks = ' ';  // as a separator: one or more blanks
 
 std::string lower(std::string_view text) {
@@ -28,10 +27,10 @@ bool names_time(std::string_view name) { return lower(name).starts_with("time");
 
 void split_at_blanks(std::string_view line, std::vector<std::string_view>& fields) {
   fields.clear();
-  for (std::size_t begin = line.find_first_not_of(field_blanks); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(line.find_first_of(field_blanks, begin), line.size());
+  for (std::size_t begin = line.find_first_not_of(blanks); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(blanks, begin), line.size());
     fields.push_back(line.substr(begin, end - begin));
-    begin = line.find_first_not_of(field_blanks, end);
+    begin = line.find_first_not_of(blanks, end);
   }
 }
 
@@ -49,12 +48,6 @@ std::optional<std::size_t> field_length(std::string_view text, char separator) {
   return in_quotes ? std::nullopt : std::optional(text.size());
 }
 
-std::string_view trimmed(std::string_view field) {
-  const std::size_t begin = field.find_first_not_of(field_blanks);
-  if (begin == std::string_view::npos) return {};
-  return field.substr(begin, field.find_last_not_of(field_blanks) - begin + 1);
-}
-
 /// Splits a line into its fields, without surrounding blanks and quotes. Returns false if a quote
 /// is not closed.
 bool split_line(std::string_view line, char separator, std::vector<std::string_view>& fields) {
@@ -62,9 +55,9 @@ bool split_line(std::string_view line, char separator, std::vector<std::string_v
   while (true) {
     const auto length = field_length(line, separator);
     if (!length) return false;
-    std::string_view field = trimmed(line.substr(0, *length));
+    std::string_view field = without_blanks(line.substr(0, *length));
     if (field.size() >= 2 && field.front() == '"' && field.back() == '"')
-      field = trimmed(field.substr(1, field.size() - 2));
+      field = without_blanks(field.substr(1, field.size() - 2));
     fields.push_back(field);
     if (*length == line.size()) return true;
     line.remove_prefix(*length + 1);
@@ -307,12 +300,11 @@ bool LineParser::read_units() {
 }
 
 std::string LineParser::read_level(std::string_view text, int contact, ParsedLine& result) const {
-  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
   if (const auto level = level_after(text)) {
     result.levels.push_back({contact, level, true});
     return {};
   }
-  const auto number = parse_decimal(text, mark);
+  const auto number = parse_decimal(text, mark());
   if (!number) return "the level is neither a number nor one of rising, falling";
   const double level = difference_in(*number, {}, {1, 0});
   if (!options_.threshold && level != 0.0 && level != 1.0) {
@@ -323,9 +315,8 @@ std::string LineParser::read_level(std::string_view text, int contact, ParsedLin
 }
 
 std::string LineParser::read_sample(std::string_view text, ParsedLine& result) const {
-  if (text.find_first_not_of(field_blanks) == std::string_view::npos) return {};
-  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
-  const auto number = parse_decimal(text, mark);
+  if (text.find_first_not_of(blanks) == std::string_view::npos) return {};
+  const auto number = parse_decimal(text, mark());
   if (!number) return "the sample of '" + options_.input + "' is not a number";
   result.sample = difference_in(*number, {}, {1, 0});
   return std::isfinite(*result.sample) ? "" : "the sample of '" + options_.input + "' is too large";
@@ -339,7 +330,7 @@ ParsedLine LineParser::parse(std::string_view line) {
     result.problem = std::move(why);
     return std::move(result);
   };
-  const std::size_t begin = line.find_first_not_of(field_blanks);
+  const std::size_t begin = line.find_first_not_of(blanks);
   if (begin == std::string_view::npos || line[begin] == '#' || line[begin] == ';') return result;
   if (read_gpiomon(line, result)) return result;
   if (!split(line, names_.size())) return refuse("a quote is not closed");
@@ -365,9 +356,8 @@ ParsedLine LineParser::parse(std::string_view line) {
     result.kind = Kind::units;
     return result;
   }
-  const auto mark = separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
   if (roles_.time) {
-    result.time = parse_clock_time(fields_[*roles_.time], mark);
+    result.time = parse_clock_time(fields_[*roles_.time], mark());
     if (!result.time) return refuse("the time is not a number");
     begun_ = true;
   }

@@ -79,6 +79,9 @@ class LineParser {
   bool read_gpiomon(std::string_view line, ParsedLine& result) const;
   bool split(std::string_view line, std::size_t wanted);
   bool is_header() const;
+  DecimalMark mark() const {
+    return separator_ == ',' ? DecimalMark::point : DecimalMark::point_or_comma;
+  }
   bool read_units();
   std::string assign(const std::vector<std::string>& names);
   std::string read_sample(std::string_view text, ParsedLine& result) const;

@@ -8,45 +8,28 @@ namespace sprag {
 
 namespace {
 
-struct Word {
-  std::string_view text;
+/// Names of a power of ten of the second; the first one is that of --unit.
+struct Names {
   int exponent;
+  std::array<std::string_view, 6> names;
 };
 
-constexpr Word words[] = {{"s", 0},
-                          {"sec", 0},
-                          {"second", 0},
-                          {"seconds", 0},
-                          {"ms", -3},
-                          {"msec", -3},
-                          {"millisecond", -3},
-                          {"milliseconds", -3},
-                          {"us", -6},
-                          {"usec", -6},
-                          {"\xC2\xB5s", -6},  // micro sign
-                          {"\xCE\xBCs", -6},  // mu
-                          {"microsecond", -6},
-                          {"microseconds", -6},
-                          {"ns", -9},
-                          {"nsec", -9},
-                          {"nanosecond", -9},
-                          {"nanoseconds", -9}};
+constexpr Names units[] = {
+    {0, {"s", "sec", "second", "seconds"}},
+    {-3, {"ms", "msec", "millisecond", "milliseconds"}},
+    // With a micro sign, and with mu.
+    {-6, {"us", "usec", "microsecond", "microseconds", "\xC2\xB5s", "\xCE\xBCs"}},
+    {-9, {"ns", "nsec", "nanosecond", "nanoseconds"}}};
 
 constexpr std::string_view without_a_name[] = {"min",  "minutes", "h",      "hours",   "d",
                                                "days", "ticks",   "counts", "samples", "cycles"};
 
-constexpr std::string_view blanks = " \t";
-
-std::string_view without_blanks(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(blanks);
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
-}
-
 std::optional<NamedUnit> as_unit(std::string_view text) {
   text = without_blanks(text);
-  for (const Word& word : words) {
-    if (text == word.text) return NamedUnit{std::string(text), Decimal{1, word.exponent}};
+  if (text.empty()) return std::nullopt;
+  for (const auto& [exponent, names] : units) {
+    if (std::ranges::find(names, text) != names.end())
+      return NamedUnit{std::string(text), Decimal{1, exponent}};
   }
   if (std::ranges::find(without_a_name, text) != std::ranges::end(without_a_name))
     return NamedUnit{std::string(text), std::nullopt};
@@ -55,11 +38,15 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
 
 }  // namespace
 
+std::string_view without_blanks(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(blanks);
+  if (begin == std::string_view::npos) return {};
+  return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
+}
+
 std::optional<Decimal> parse_unit(std::string_view text) {
-  constexpr std::array<std::pair<std::string_view, int>, 4> names{
-      {{"s", 0}, {"ms", -3}, {"us", -6}, {"ns", -9}}};
-  for (const auto& [name, exponent] : names) {
-    if (text == name) return Decimal{1, exponent};
+  for (const auto& [exponent, names] : units) {
+    if (text == names[0]) return Decimal{1, exponent};
   }
   const auto number = parse_decimal(text);
   return number && number->mantissa > 0 ? number : std::nullopt;
