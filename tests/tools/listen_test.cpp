@@ -41,8 +41,8 @@ class Kept : public IntakeSink {
     sessions.emplace_back();
     watermark_ = -1.0;
   }
-  void problem(const LineProblem& problem) override {
-    problems.push_back(std::to_string(problem.number) + ": " + problem.text + ": " + problem.why);
+  void problem(std::int64_t number, const std::string& text, const std::string& why) override {
+    problems.push_back(std::to_string(number) + ": " + text + ": " + why);
   }
   void notice(const std::string& text) override { notices.push_back(text); }
 

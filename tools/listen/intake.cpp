@@ -45,11 +45,11 @@ LevelEdges Intake::new_level() const {
   return {options_.lines.threshold.value_or(0.5), options_.inverted, !parser_.has_all_levels()};
 }
 
-void Intake::refuse(std::int64_t number, std::string_view text, std::string why) {
+void Intake::refuse(const Line& line, const std::string& why) {
   ++counts_.bad_lines;
-  std::string shown(text.substr(0, longest_shown));
-  if (shown.size() < text.size()) shown += "...";
-  sink_.problem({number, std::move(shown), std::move(why)});
+  std::string shown = line.text.substr(0, longest_shown);
+  if (shown.size() < line.text.size()) shown += "...";
+  sink_.problem(line.number, shown, why);
 }
 
 void Intake::take(std::string_view bytes, double arrival) {
@@ -57,87 +57,84 @@ void Intake::take(std::string_view bytes, double arrival) {
       bytes,
       [&](std::string_view text) {
         ++counts_.lines;
-        const std::int64_t number = splitter_.number();
-        const ParsedLine line = parser_.parse(text);
-        take_line(line, number, text, arrival);
+        take_line({splitter_.number(), std::string(text), parser_.parse(text), arrival});
       },
       [&](std::string_view begin) {
-        refuse(splitter_.number() + 1, begin, "the line is longer than 4096 bytes");
+        refuse({splitter_.number() + 1, std::string(begin)}, "the line is longer than 4096 bytes");
       });
   flush();
 }
 
-void Intake::take_line(const ParsedLine& line, std::int64_t number, std::string_view text,
-                       double arrival) {
+void Intake::take_line(Line line) {
   using Kind = ParsedLine::Kind;
-  if (line.kind == Kind::problem) return refuse(number, text, line.problem);
+  const Kind kind = line.parsed.kind;
+  if (kind == Kind::problem) return refuse(line, line.parsed.problem);
   if (stalled_) {
     stalled_ = false;
     sink_.notice("lines arrive again");
   }
-  last_line_ = arrival;
-  if (line.kind == Kind::header) header_again_ = any_session_;
-  if (line.kind == Kind::header || line.kind == Kind::units) {
+  last_line_ = line.arrival;
+  if (kind == Kind::header) header_again_ = any_session_;
+  if (kind == Kind::header || kind == Kind::units) {
     if (const auto unit = parser_.time_unit(); unit && unit->seconds) {
       clock_.set_named_unit(*unit->seconds);
-      if (line.kind == Kind::units && !options_.clock.unit)
+      if (kind == Kind::units && !options_.clock.unit)
         sink_.notice("times are in " + unit->text + ", as the row of units says");
     } else if (unit && !options_.clock.unit) {
-      refuse(number, text, "times are in " + unit->text + "; say how long that is: --unit SECONDS");
+      refuse(line, "times are in " + unit->text + "; say how long that is: --unit SECONDS");
     }
   }
-  if (line.kind != Kind::levels) return;
-  if (!options_.stamp_arrival) return take_timed(line, number, text, arrival);
+  if (kind != Kind::levels) return;
+  if (!options_.stamp_arrival) return take_timed(std::move(line));
 
   if (!connected_) begin_session();
-  const double t = options_.clock.speed * arrival;
-  const bool repeats = take_levels(line.levels, t, number, text);
+  const double t = options_.clock.speed * line.arrival;
+  const bool repeats = take_levels(line, t);
   latest_ = std::max(latest_.value_or(t), t);
-  if (!line.time) {
-    scatter_.add_untimed(arrival, repeats);
+  if (!line.parsed.time) {
+    scatter_.add_untimed(line.arrival, repeats);
     return;
   }
-  const DeviceClock::Reading reading = clock_.read(*line.time, arrival);
+  const DeviceClock::Reading reading = read_clock(line);
   if (!reading.problem.empty()) return;
   if (reading.order == DeviceClock::Order::falls) {
     scatter_.restart();
     clock_.restart();
   }
-  clock_.accept(reading, arrival);
+  clock_.accept(reading, line.arrival);
   scatter_.add_timed(reading.t, t);
 }
 
-void Intake::take_timed(const ParsedLine& line, std::int64_t number, std::string_view text,
-                        double arrival) {
+void Intake::take_timed(Line line) {
   using Order = DeviceClock::Order;
-  Held held{number, std::string(text), line, clock_.read(*line.time, arrival), arrival};
-  if (!held.reading.problem.empty()) return refuse(number, text, held.reading.problem);
+  line.reading = read_clock(line);
+  if (!line.reading.problem.empty()) return refuse(line, line.reading.problem);
   if (!connected_) {
-    if (held.reading.order == Order::falls) {
-      restart_clock(held.reading.t);
-      held.reading = clock_.read(*line.time, arrival);
+    if (line.reading.order == Order::falls) {
+      restart_clock(line.reading.t);
+      line.reading = read_clock(line);
     }
     begin_session();
-    return use(held);
+    return use(line);
   }
-  if (held.reading.order != Order::follows) return hold(std::move(held));
+  if (line.reading.order != Order::follows) return hold(std::move(line));
   // A line that seemed to lie in the future is right if a later one is later.
   if (!held_.empty() && held_.front().reading.order == Order::leaps &&
-      held.reading.t >= held_.back().reading.t) {
+      line.reading.t >= held_.back().reading.t) {
     release_held(false);
-    held.reading = clock_.read(*line.time, arrival);
+    line.reading = read_clock(line);
   }
   drop_held();
-  use(held);
+  use(line);
 }
 
-void Intake::hold(Held held) {
-  const DeviceClock::Reading& reading = held.reading;
+void Intake::hold(Line line) {
+  const DeviceClock::Reading& reading = line.reading;
   if (!held_.empty() &&
       (held_.back().reading.order != reading.order || reading.t < held_.back().reading.t)) {
     drop_held();
   }
-  held_.push_back(std::move(held));
+  held_.push_back(std::move(line));
   const DeviceClock::Reading& first = held_.front().reading;
   if (first.order == DeviceClock::Order::leaps) {
     if (held_.size() >= enough_lines) release_held(false);
@@ -153,15 +150,15 @@ void Intake::hold(Held held) {
 
 // The lines that were held agree with each other.
 void Intake::release_held(bool restarted) {
-  std::vector<Held> held = std::exchange(held_, {});
+  std::vector<Line> held = std::exchange(held_, {});
   if (restarted) {
     restart_clock(held.front().reading.t);
     begin_session();
   }
-  for (Held& line : held) {
-    line.reading = clock_.read(*line.line.time, line.arrival);
+  for (Line& line : held) {
+    line.reading = read_clock(line);
     if (!line.reading.problem.empty()) {
-      refuse(line.number, line.text, line.reading.problem);
+      refuse(line, line.reading.problem);
     } else {
       use(line);
     }
@@ -170,34 +167,33 @@ void Intake::release_held(bool restarted) {
 
 // A later line follows the last one that was accepted: those between are damaged or late.
 void Intake::drop_held() {
-  for (const Held& line : std::exchange(held_, {})) {
+  for (const Line& line : std::exchange(held_, {})) {
     const bool falls = line.reading.order == DeviceClock::Order::falls;
-    refuse(line.number, line.text,
-           "the time is " + seconds_text(std::abs(line.reading.t - *clock_.last())) +
-               (falls ? " before" : " after") +
-               " that of the line before, and no other line agrees");
+    refuse(line, "the time is " + seconds_text(std::abs(line.reading.t - *clock_.last())) +
+                     (falls ? " before" : " after") +
+                     " that of the line before, and no other line agrees");
   }
 }
 
-void Intake::use(const Held& held) {
+void Intake::use(const Line& line) {
+  const double t = line.reading.t;
   if (!any_session_) begin_session();
-  if (held.reading.wraps) ++counts_.wraps;
+  if (line.reading.wraps) ++counts_.wraps;
   header_again_ = false;
-  clock_.accept(held.reading, held.arrival);
+  clock_.accept(line.reading, line.arrival);
   if (!std::isinf(options_.clock.speed)) {
-    scatter_.add_timed(held.reading.t, options_.clock.speed * held.arrival);
-    check_rate(held.reading.t, held.arrival);
+    scatter_.add_timed(t, options_.clock.speed * line.arrival);
+    check_rate(t, line.arrival);
   }
-  take_levels(held.line.levels, held.reading.t, held.number, held.text);
-  if (held.line.sample) take_sample(*held.line.sample, held.reading.t, held.number, held.text);
-  latest_ = std::max(latest_.value_or(held.reading.t), held.reading.t);
+  take_levels(line, t);
+  if (line.parsed.sample) take_sample(line);
+  latest_ = std::max(latest_.value_or(t), t);
 }
 
-bool Intake::take_levels(const std::vector<ContactLevel>& levels, double t, std::int64_t number,
-                         std::string_view text) {
+bool Intake::take_levels(const Line& line, double t) {
   if (!any_session_) begin_session();
   bool repeats = true;
-  for (const ContactLevel& of : levels) {
+  for (const ContactLevel& of : line.parsed.levels) {
     ContactEdge edge{t, of.contact, EdgeKind::impact};
     if (of.level) {
       LevelEdges& level = levels_[static_cast<std::size_t>(of.contact)];
@@ -222,28 +218,28 @@ bool Intake::take_levels(const std::vector<ContactLevel>& levels, double t, std:
       ++counts_.edges;
     } else {
       if (late) ++counts_.late_edges;
-      refuse(number, text, late ? why + "; a larger --latency waits longer for lines" : why);
+      refuse(line, late ? why + "; a larger --latency waits longer for lines" : why);
     }
   }
   return repeats;
 }
 
-void Intake::take_sample(double value, double t, std::int64_t number, std::string_view text) {
+void Intake::take_sample(const Line& line) {
   const bool first = !grid_.t0();
-  const InputGrid::Place place = grid_.take(machine_time(options_.input.clock, t));
+  const InputGrid::Place place = grid_.take(machine_time(options_.input.clock, line.reading.t));
   if (!place.problem.empty()) {
     ++counts_.bad_samples;
-    return refuse(number, text, place.problem);
+    return refuse(line, place.problem);
   }
   if (first) sink_.start_input(*grid_.t0(), grid_.dt());
   if (place.missing > 0 && !std::exchange(said_missing_, true)) {
-    sink_.notice("samples of the input are missing before line " + std::to_string(number) + " (" +
-                 std::to_string(place.missing) +
+    sink_.notice("samples of the input are missing before line " + std::to_string(line.number) +
+                 " (" + std::to_string(place.missing) +
                  " of them): observers interpolate them linearly; later ones are counted");
   }
   counts_.missing_samples += place.missing;
   ++counts_.samples;
-  sink_.sample(place.k, options_.input.unit * value);
+  sink_.sample(place.k, options_.input.unit * *line.parsed.sample);
 }
 
 void Intake::begin_session() {
@@ -330,7 +326,7 @@ void Intake::pass(double now) {
 
 void Intake::disconnect() {
   if (!splitter_.begun().empty())
-    refuse(splitter_.number() + 1, splitter_.begun(), "the line is not complete");
+    refuse({splitter_.number() + 1, std::string(splitter_.begun())}, "the line is not complete");
   splitter_.clear();
   if (clock_.last()) drop_held();
   flush();

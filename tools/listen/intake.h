@@ -38,13 +38,6 @@ struct IntakeOptions {
   double stall = 1.0;          ///< without a line for this time the watermark stops [s]
 };
 
-/// A line that cannot be used.
-struct LineProblem {
-  std::int64_t number = 0;  ///< from 1
-  std::string text;         ///< as it arrived, the first bytes
-  std::string why;
-};
-
 /// Receives what the intake makes of the bytes, in this order.
 class IntakeSink {
  public:
@@ -57,7 +50,8 @@ class IntakeSink {
   virtual void sample(std::int64_t k, double value) = 0;
   /// The device was restarted or connected again. Its time begins anew.
   virtual void new_session() = 0;
-  virtual void problem(const LineProblem& problem) = 0;
+  /// A line cannot be used: its number, from 1, its first bytes as they arrived, and the reason.
+  virtual void problem(std::int64_t number, const std::string& text, const std::string& why) = 0;
   /// A message for the user.
   virtual void notice(const std::string& text) = 0;
 };
@@ -103,32 +97,31 @@ class Intake {
   const ArrivalScatter& scatter() const { return scatter_; }
 
  private:
-  /// A line whose time does not follow the last one. The lines after it show why.
-  struct Held {
+  struct Line {
     std::int64_t number = 0;
-    std::string text;
-    ParsedLine line;
-    DeviceClock::Reading reading;
+    std::string text{};
+    ParsedLine parsed{};
     double arrival = 0.0;
+    DeviceClock::Reading reading{};  ///< of its time, if edges have the device's time
   };
 
-  void take_line(const ParsedLine& line, std::int64_t number, std::string_view text,
-                 double arrival);
-  void take_timed(const ParsedLine& line, std::int64_t number, std::string_view text,
-                  double arrival);
-  void hold(Held held);
+  DeviceClock::Reading read_clock(const Line& line) const {
+    return clock_.read(*line.parsed.time, line.arrival);
+  }
+  void take_line(Line line);
+  void take_timed(Line line);
+  void hold(Line line);
   void release_held(bool restarted);
   void drop_held();
-  void use(const Held& held);
+  void use(const Line& line);
   /// Returns whether all levels are repetitions.
-  bool take_levels(const std::vector<ContactLevel>& levels, double t, std::int64_t number,
-                   std::string_view text);
-  void take_sample(double value, double t, std::int64_t number, std::string_view text);
+  bool take_levels(const Line& line, double t);
+  void take_sample(const Line& line);
   void begin_session();
   void restart_clock(double t);
   void check_rate(double t, double arrival);
   void flush();
-  void refuse(std::int64_t number, std::string_view text, std::string why);
+  void refuse(const Line& line, const std::string& why);
   LevelEdges new_level() const;
 
   IntakeOptions options_;
@@ -141,7 +134,7 @@ class Intake {
   InputGrid grid_;
   std::vector<LevelEdges> levels_;
   std::vector<EdgeCounts> earlier_;  // of the sessions before, by contact
-  std::vector<Held> held_;
+  std::vector<Line> held_;           // whose times do not follow the last one; later lines show why
   IntakeCounts counts_;
   std::optional<double> latest_;     // time of the last lines, not yet given to stream_
   std::optional<double> last_line_;  // its arrival

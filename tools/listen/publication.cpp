@@ -77,10 +77,11 @@ void ListenPublication::publish(std::function<void()> action) {
   waiting_.push_back(std::move(action));
 }
 
-void ListenPublication::problem(const LineProblem& problem) {
+void ListenPublication::problem(std::int64_t number, const std::string& text,
+                                const std::string& why) {
   if (++problems_ <= most_shown) {
-    std::cerr << source_ << ':' << problem.number << ": " << printable(problem.why)
-              << "; skipped: '" << printable(problem.text) << "'\n";
+    std::cerr << source_ << ':' << number << ": " << printable(why) << "; skipped: '"
+              << printable(text) << "'\n";
   } else if (problems_ == most_shown + 1) {
     std::cerr << source_ << ": further lines that cannot be used are counted\n";
   }

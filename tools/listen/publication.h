@@ -35,7 +35,7 @@ class ListenPublication : public IntakeSink {
   void start_input(double t0, double dt) override;
   void sample(std::int64_t k, double value) override;
   void new_session() override;
-  void problem(const LineProblem& problem) override;
+  void problem(std::int64_t number, const std::string& text, const std::string& why) override;
   void notice(const std::string& text) override;
 
   /// Called several times a second: begins a new session as soon as the old one has ended.
