@@ -41,22 +41,5 @@ TEST_F(RestartTest, ObserverThatJoinsLateHasABoundUnderTolerances) {
   EXPECT_LT(B[B.size() - 2], 0.5 * B.front());
 }
 
-TEST_F(RestartTest, LateObserverStartsAtZeroIfMessageHasEveryRecord) {
-  const Arguments common{scene("paper_beam"), "--duration", "50"}, tick{"--tick", "0.015625"};
-  Process& master =
-      start_master(common + tick + Arguments{"--speed", "20", "--events", file("events.csv")});
-  wait_for_time(master, 15.0);
-  Process& logger = start_listening("sync_logger", common + Arguments{"--csv", file("sync.csv")});
-  Process& observer =
-      start_listening("observer", common + tick + Arguments{"--states", file("states.csv")});
-  EXPECT_EQ(end_of(master).code, 0);
-  EXPECT_EQ(end_of(observer).code, 0);
-  EXPECT_EQ(end_of(logger).code, 0);
-  EXPECT_TRUE(text("states.csv") == read_text(replay(scene("paper_beam"), file("events.csv"),
-                                                     tick + Arguments{"--duration", "50"})))
-      << "live differs from the replay";
-  EXPECT_LT(read_sync(file("sync.csv")).back().v, 1e-2);
-}
-
 }  // namespace
 }  // namespace sprag::test

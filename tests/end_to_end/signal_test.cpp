@@ -78,19 +78,6 @@ TEST_F(SignalTest, EndsARunningProgramWithCompleteFiles) {
   }
 }
 
-TEST_F(SignalTest, AnyOfThemEndsAProgramThatListens) {
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
-    Process& observer =
-        start_listening("observer", {scene("paper_beam"), "--states", file("states.csv")});
-    Process& logger =
-        start_listening("sync_logger", {scene("paper_beam"), "--csv", file("sync.csv")});
-    expect_end(observer, 0, signal);
-    expect_end(logger, 0, signal);
-    EXPECT_TRUE(read_states_file(file("states.csv")).empty());
-    EXPECT_TRUE(read_sync(file("sync.csv")).empty());
-  }
-}
-
 // Each in its longest computation: many and very frequent events, the event search, fits. A run up
 // to a signal has succeeded, a computation that is cut short has failed.
 TEST_F(SignalTest, EndsALongComputation) {
