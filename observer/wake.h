@@ -33,7 +33,6 @@ class Wake {
   sem_t semaphore_;
 };
 
-
 inline std::int64_t monotonic_now() {
   timespec time;
   clock_gettime(CLOCK_MONOTONIC, &time);

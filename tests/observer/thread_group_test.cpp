@@ -5,6 +5,7 @@
 #include <atomic>
 #include <chrono>
 #include <stdexcept>
+#include <string>
 
 namespace sprag {
 namespace {
@@ -18,6 +19,16 @@ class ThreadGroupTest : public ::testing::Test {
     ++ended_;
   }
 
+  /// The message of the exception that the caller gets; empty: none.
+  std::string rethrown() const {
+    try {
+      threads_.rethrow();
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return {};
+  }
+
   std::atomic<bool> stop_ = false;
   std::atomic<int> ended_ = 0;
   ThreadGroup threads_{[this] { stop_ = true; }};
@@ -29,12 +40,7 @@ TEST_F(ThreadGroupTest, ExceptionEndsOthersAndReachesCaller) {
   threads_.run([this] { until_stopped(); });
   threads_.end();
   EXPECT_EQ(ended_, 2);
-  try {
-    threads_.rethrow();
-    ADD_FAILURE() << "nothing was thrown";
-  } catch (const std::runtime_error& error) {
-    EXPECT_STREQ(error.what(), "no flow");
-  }
+  EXPECT_EQ(rethrown(), "no flow");
 }
 
 TEST_F(ThreadGroupTest, FirstExceptionIsRethrown) {
@@ -44,16 +50,7 @@ TEST_F(ThreadGroupTest, FirstExceptionIsRethrown) {
   });
   threads_.run([] { throw std::runtime_error("first"); });
   threads_.end();
-  EXPECT_THROW(
-      {
-        try {
-          threads_.rethrow();
-        } catch (const std::runtime_error& error) {
-          EXPECT_STREQ(error.what(), "first");
-          throw;
-        }
-      },
-      std::runtime_error);
+  EXPECT_EQ(rethrown(), "first");
 }
 
 TEST_F(ThreadGroupTest, WithoutExceptionNothingIsThrown) {
@@ -61,7 +58,7 @@ TEST_F(ThreadGroupTest, WithoutExceptionNothingIsThrown) {
   threads_.end();
   threads_.end();
   EXPECT_EQ(ended_, 1);
-  EXPECT_NO_THROW(threads_.rethrow());
+  EXPECT_EQ(rethrown(), "");
 }
 
 TEST_F(ThreadGroupTest, NoThreadOutlivesTheGroup) {

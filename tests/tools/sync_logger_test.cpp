@@ -526,11 +526,7 @@ TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
 
 TEST_F(SyncLoggerTest, BadUsageAndInputExitWithTwo) {
   for (const test::Arguments& bad : std::vector<test::Arguments>{
-           {},
-           {path("absent.toml")},
            {scene_, "--duration", "0"},
-           {scene_, "--now"},
-           {scene_, "--truth", "a.csv", "--csv", "b.csv"},
            {scene_, "--estimate", "a.csv"},
            {scene_, "--truth", "a", "--estimate", "b"},
            {scene_, "--truth", "a", "--estimate", "b", "--csv", "c", "--record", "d"}}) {
