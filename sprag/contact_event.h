@@ -82,8 +82,6 @@ struct DegradedInterval {
   double from = 0.0;       ///< begin [s]
   double to = 0.0;         ///< end [s]
   std::int64_t start = 0;  ///< number of the observer's start that it belongs to, from 1
-  /// \brief Exactly one record is missing, and it was a pulse.
-  bool one_pulse = false;
 };
 
 /// \brief Why an event was skipped.

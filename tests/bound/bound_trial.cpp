@@ -122,9 +122,7 @@ Received received(const BoundCase& machine, const std::vector<ContactEvent>& rep
   all.reports.erase(all.reports.begin() + static_cast<std::ptrdiff_t>(first),
                     all.reports.begin() + static_cast<std::ptrdiff_t>(last));
   all.before_gap = first;
-  all.gap = {.from = reports[first - 1].t,
-             .to = reports[last].t,
-             .one_pulse = machine.number_is_known && machine.lost == 1};
+  all.gap = {.from = reports[first - 1].t, .to = reports[last].t};
   all.has_gap = true;
   return all;
 }
@@ -240,7 +238,7 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
   history.restart(0, 0, no_horizon);
   for (std::size_t k = 0; k < reports.size(); ++k) {
     if (all.has_gap && k == all.before_gap) {
-      history.degrade(all.gap.from, all.gap.to, all.gap.one_pulse);
+      history.degrade(all.gap.from, all.gap.to);
     }
     history.add(reports[k]);
   }
@@ -251,7 +249,6 @@ BoundRun run_bound_case(const BoundCase& machine, const std::vector<double>& shi
   Eigen::VectorXd q_m(f), u_m(f), q_s(f), u_s(f);
   std::vector<ContactEvent> ignored;
   BoundRun run;
-  run.lost = all.has_gap;
   std::vector<double> late;
   for (const double t : sample_times(machine, reports)) {
     master.advance(at(t), ignored);

@@ -23,7 +23,6 @@ struct BoundCase {
   /// if this would change the set of closed contacts.
   std::size_t lost = 0;
   double lost_after = 0.5;
-  bool number_is_known = true;  ///< the number of lost reports is known
 };
 
 struct BoundCaseSettings {
@@ -47,7 +46,6 @@ struct BoundRun {
   double worst_t = 0.0;
   double final_B = 0.0, final_V = 0.0;
   double median_B = 0.0;  ///< in the second half, outside windows of events
-  bool lost = false;      ///< some reports were lost
   int samples = 0;
   int infinite = 0;
 };

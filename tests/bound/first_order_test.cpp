@@ -165,33 +165,6 @@ TEST(JointExpansion, BoundsPairsOfStates) {
   EXPECT_GT(closest, 0.9);
 }
 
-// Record numbers show that a single impact was lost: B is far below that of an unknown gap.
-TEST(LostImpact, AddsOneJumpToBound) {
-  constexpr std::uint64_t seed = 5222;
-  std::cout << "seed " << seed << '\n';
-  int less = 0, all = 0;
-  for (int number = 0; number < 12; ++number) {
-    Random random(seed + static_cast<std::uint64_t>(number));
-    BoundCase machine = random_bound_case(random, {.exact_start = true, .lost = 1}, 10);
-    machine.scene.prior.tolerance = {.time = 1e-6};
-    machine.truth = machine.scene.model;
-    machine.events.clear();
-    Master(machine.truth, machine.start).advance(at(machine.end), machine.events);
-    if (machine.events.size() < 4) continue;
-    const std::vector<double> shifts(machine.events.size(), 0.0);
-    const BoundRun one = run_bound_case(machine, shifts);
-    EXPECT_LE(one.worst, 1.0 + 1e-9) << describe(machine);
-    machine.number_is_known = false;
-    const BoundRun unknown = run_bound_case(machine, shifts);
-    if (!one.lost) continue;
-    ++all;
-    if (one.final_B < 0.5 * unknown.final_B) ++less;
-  }
-  std::cout << less << " of " << all << " machines gain\n";
-  EXPECT_GT(all, 5);
-  EXPECT_GT(2 * less, all);
-}
-
 // Without an uncertainty of the start the forces limit the machine's motion.
 TEST(NoUncertainty, BoundIsFiniteForPositiveDefiniteKAndC) {
   Scene scene = shipped_scene("paper_beam");

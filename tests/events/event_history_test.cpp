@@ -118,19 +118,6 @@ TEST(EventHistory, AGapIsCountedAndItsIntervalRecorded) {
   EXPECT_EQ(history.degraded().size(), 1U);
 }
 
-// The bound assumes of such an interval that it lacks one pulse, and nothing of any other.
-TEST(EventHistory, OneLostRecordThatLeavesChiIsOnePulse) {
-  const auto is_one_pulse = [](const Events& records, std::int64_t total) {
-    EventHistory history = started();
-    history.add(report_of({{1.0, 0, pulse}}, 1, 1.5, 0));
-    history.add(report_of(records, total, 6.0, 0));
-    return history.degraded().at(0).one_pulse;
-  };
-  EXPECT_TRUE(is_one_pulse({{4.0, 0, pulse}}, 3));
-  EXPECT_FALSE(is_one_pulse({{4.0, 0, pulse}}, 4));
-  EXPECT_FALSE(is_one_pulse({{4.0, 0, opens}}, 3));
-}
-
 TEST(EventHistory, ChiFollowsReportAfterGap) {
   for (const ContactSet before : {0U, 1U, 2U, 3U}) {
     for (const ContactSet closed : {0U, 1U, 2U, 3U}) {

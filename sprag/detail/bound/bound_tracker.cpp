@@ -104,11 +104,30 @@ void BoundTracker::follow(const EventHistory& events, double t) {
   std::size_t end = first;
   while (end < all.size() && all[end].t <= last) ++end;
   for_each_instant(all.subspan(first, end - first), [&](std::span<const ContactEvent> of_one) {
-    pass_gaps(events, of_one.front().t - tolerance_.time, of_one.front().t);
+    pass_gaps(events, of_one.front().t - tolerance_.time);
     event(of_one);
   });
   consumed_ = static_cast<std::int64_t>(end) + events.dropped();
-  pass_gaps(events, reach, infinity);
+  pass_gaps(events, reach);
+}
+
+// Passes the gaps that begin before t. Within a gap, widened by the tolerance on both sides, b is
+// unknown. At the beginning of a gap b is still known: the lost events are later.
+void BoundTracker::pass_gaps(const EventHistory& events, double t) {
+  const std::vector<DegradedInterval>& gaps = events.degraded();
+  while (gap_ < gaps.size()) {
+    const DegradedInterval& gap = gaps[gap_];
+    if (gap.start == events.start()) {
+      const double from = gap.from - tolerance_.time;
+      if (from >= t) return;
+      if (b_ < infinity && from >= since_) advance(from);
+      b_ = infinity;
+      first_order_.stop();
+      lost_until_ = std::max(lost_until_, gap.to + tolerance_.time);
+      if (gap.to + tolerance_.time >= t) return;
+    }
+    ++gap_;
+  }
 }
 
 // Sets modal_ to the replica's state at t, not before its last event. With closed contacts the

@@ -100,9 +100,7 @@ class BoundTracker {
   struct Impact;  // one event or several of one instant
 
   double known_up_to(const EventHistory& events) const;
-  void pass_gaps(const EventHistory& events, double t, double next_event);
-  bool can_miss_one(const DegradedInterval& gap) const;
-  void miss_one(const DegradedInterval& gap);
+  void pass_gaps(const EventHistory& events, double t);
   void take_state(double t);
   void integrate(double t);
   void advance(double t);

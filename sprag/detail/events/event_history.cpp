@@ -65,7 +65,7 @@ void EventHistory::append(const ContactEvent& event) {
 
 // The bound of a settled tick must not depend on whether the tick is returned before or after a
 // later message arrives. An interval therefore never begins before the horizon.
-void EventHistory::degrade(double from, double to, bool one_pulse) {
+void EventHistory::degrade(double from, double to) {
   from = std::isnan(from) ? horizon_ : from;
   from = std::max({from, horizon_, 0.0});
   to = to > from ? to : from;
@@ -74,9 +74,8 @@ void EventHistory::degrade(double from, double to, bool one_pulse) {
       (full || from <= degraded_.back().to)) {
     degraded_.back().from = std::min(degraded_.back().from, from);
     degraded_.back().to = std::max(degraded_.back().to, to);
-    degraded_.back().one_pulse = false;
   } else if (!full) {
-    degraded_.push_back({from, to, start_, one_pulse});
+    degraded_.push_back({from, to, start_});
   }
 }
 
@@ -110,13 +109,11 @@ std::size_t EventHistory::add(const ContactMessage& message) {
   const std::int64_t first = message.records_total - message.records;
   const bool gap = first > next_record_;
   if (gap) {
-    const std::int64_t lost = first - next_record_;
-    counts_.lost_records += lost;
+    counts_.lost_records += first - next_record_;
     const double to = message.records > 0 ? message.record[0].t : message.horizon;
-    const ContactSet closed = closed_before_records(message);
-    degrade(last_t_, to, lost == 1 && closed == chi_);
+    degrade(last_t_, to);
     next_record_ = first;
-    make_up(closed, to);
+    make_up(closed_before_records(message), to);
   }
   for (std::int64_t number = next_record_; number < message.records_total; ++number) {
     const ContactEvent& event = message.record[static_cast<std::size_t>(number - first)];

@@ -50,7 +50,7 @@ class EventHistory {
   void lose(const ContactMessage& message);
 
   /// Adds a degraded interval from `from`, or from the horizon if that is later, up to `to`.
-  void degrade(double from, double to, bool one_pulse = false);
+  void degrade(double from, double to);
 
   /// Whether a degraded interval of this start contains t, or ended at most `events` events before
   /// t.
