@@ -366,7 +366,6 @@ void BoundTracker::add(const Impact& impact, const EventCost& cost) {
   const bool simple = impact.kind == ContactEventKind::pulse && impact.count == 1;
   if (!cluster_.add({.end = impact.t + tolerance_.time,
                      .J = tolerance_.time > 0.0 ? in_ * factors_.J * cost.J : 0.0,
-                     .approach = cost.approach,
                      .contact = impact.count == 1 ? impact.contact : -1,
                      .simple = simple && impact.before == 0})) {
     cluster_.growth = infinity;
@@ -441,7 +440,6 @@ void BoundTracker::joint(const Impact& impact, double rho, double speed_before,
   const double kept = monotone_ ? 1.0 + epsilon : 1.0 + expansion;
   EventCost cost;
   cost.D = delta * (expansion * (before + metric_.rate() * rho) + after + metric_.rate() * rho);
-  cost.approach = reach;
   if (impact.closing != 0) {
     cost.J = (kept + off) * reach;
     cost.E = monotone_ ? off * reach : off * kept * reach;

@@ -93,7 +93,6 @@ ContractionTable::ContractionTable(const Model& model) {
   const Eigen::VectorXd omega = kappa.cwiseSqrt().cast<double>();
   const MatrixR damping = congruent(Phi, model.C.cast<Extended>());
   const Eigen::MatrixXd C = (0.5L * (damping + damping.transpose())).cast<double>();
-  omega_max_ = omega.maxCoeff();
   damping_ = C.norm();
   if (damping_ == 0.0) return;
 

@@ -23,8 +23,7 @@ class ContractionTable {
   /// Bound for tau >= 0; in [0, 1]. Does not allocate.
   double operator()(double tau) const;
 
-  /// Largest natural frequency [rad/s], and a bound on the norm of the damping [1/s].
-  double omega_max() const { return omega_max_; }
+  /// Bound on the norm of the damping [1/s].
   double damping() const { return damping_; }
 
  private:
@@ -33,7 +32,6 @@ class ContractionTable {
   };
 
   std::vector<Node> nodes_;  // ascending tau
-  double omega_max_ = 0.0;
   double damping_ = 0.0;
 };
 

@@ -72,28 +72,16 @@ double largest_of(const Eigen::VectorXcd& a) {
   return std::sqrt(0.5 * (rr + ii) + std::hypot(0.5 * (rr - ii), ri));
 }
 
-// Z = omega^2 + i Omega D - Omega^2.
-class Impedance {
- public:
-  Impedance(const EnergyMetric& metric, double Omega)
-      : decoupled_(metric.decoupled()),
-        diagonal_(metric.omega().cwiseAbs2().array() - square(Omega) +
-                  complex<double>(0.0, Omega) * metric.D().diagonal().array()) {
-    if (decoupled_) return;
-    Z_ = (complex<double>(0.0, Omega) * metric.D()).cast<complex<Extended>>();
-    Z_.diagonal() = diagonal_.cast<complex<Extended>>();
-  }
-  /// Z^-1 B.
-  Eigen::MatrixXcd solve(const Eigen::MatrixXcd& B) const {
-    if (decoupled_) return diagonal_.cwiseInverse().asDiagonal() * B;
-    return sprag::solve(Z_, B.cast<complex<Extended>>().eval()).cast<complex<double>>();
-  }
-
- private:
-  bool decoupled_;
-  Eigen::VectorXcd diagonal_;
-  MatrixCR Z_;  // unless decoupled
-};
+// Z^-1 B with Z = omega^2 + i Omega D - Omega^2.
+Eigen::MatrixXcd solve_impedance(const EnergyMetric& metric, double Omega,
+                                 const Eigen::MatrixXcd& B) {
+  const Eigen::VectorXcd diagonal = metric.omega().cwiseAbs2().array() - square(Omega) +
+                                    complex<double>(0.0, Omega) * metric.D().diagonal().array();
+  if (metric.decoupled()) return diagonal.cwiseInverse().asDiagonal() * B;
+  MatrixCR Z = (complex<double>(0.0, Omega) * metric.D()).cast<complex<Extended>>();
+  Z.diagonal() = diagonal.cast<complex<Extended>>();
+  return solve(Z, B.cast<complex<Extended>>().eval()).cast<complex<double>>();
+}
 
 // A^-1 b for a Hermitian, positive semidefinite A; the smallest solution where A is singular.
 Eigen::VectorXcd solve_semidefinite(const Eigen::MatrixXcd& A, const Eigen::VectorXcd& b) {
@@ -199,12 +187,14 @@ bool DissipationCap::follow_supports() {
   const Eigen::MatrixXcd& motions = dynamics.motion_amplitudes();
   const Eigen::VectorXd& Omega = dynamics.frequencies();
   for (Eigen::Index j = 0; j < Omega.size(); ++j) {
-    const Impedance Z(metric, Omega[j]);
-    const Eigen::VectorXcd free = Z.solve(metric.force_amplitudes().col(j));
-    const Eigen::MatrixXcd X = Z.solve(W).conjugate();
+    const auto solve = [&](const Eigen::MatrixXcd& B) {
+      return solve_impedance(metric, Omega[j], B);
+    };
+    const Eigen::VectorXcd free = solve(metric.force_amplitudes().col(j));
+    const Eigen::MatrixXcd X = solve(W).conjugate();
     const Eigen::VectorXcd mu =
         solve_semidefinite(X.adjoint() * X, W.transpose() * free + motions.col(j));
-    swing_.col(j) = free - Z.solve(X * mu);
+    swing_.col(j) = free - solve(X * mu);
   }
   // Corrects what rounding and dependent directions leave.
   const Eigen::MatrixXcd left = W.transpose() * swing_ + motions;

@@ -100,7 +100,8 @@ void EnergyMetric::damp(const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::Vecto
   }
 }
 
-void EnergyMetric::accelerate(double t, ModalState& state) const {
+void EnergyMetric::accelerate(const Motion& motion, ModalState& state) const {
+  const double t = motion.t.hi;
   Eigen::VectorXd& a = state.acceleration;
   damp(state.v, a);
   a = force_constant_ - a - omega_.cwiseAbs2().cwiseProduct(state.z);
@@ -113,12 +114,8 @@ void EnergyMetric::accelerate(double t, ModalState& state) const {
   for (Eigen::Index c = 0; c < input_forces_.cols(); ++c) {
     a += dynamics_->inputs().channel(c).value(t) * input_forces_.col(c);
   }
-}
-
-void EnergyMetric::accelerate(const Motion& motion, ModalState& state) const {
-  accelerate(motion.t.hi, state);
   for_each(motion.flow->locked(),
-           [&](int i) { state.acceleration += value(motion.flow->force(i), motion) * W_.col(i); });
+           [&](int i) { a += value(motion.flow->force(i), motion) * W_.col(i); });
 }
 
 double energy(const EnergyMetric& metric, const ModalState& state) {

@@ -69,8 +69,7 @@ class EnergyMetric {
   /// z and v of q and u, f entries each. Do not allocate.
   void displacements(const Eigen::VectorXd& q, Eigen::VectorXd& z) const;
   void enter(const Eigen::VectorXd& q, const Eigen::VectorXd& u, ModalState& state) const;
-  /// Sets the acceleration of a state at time t without contact forces, or with those of `motion`.
-  void accelerate(double t, ModalState& state) const;
+  /// Sets the acceleration of a state at the time and with the contact forces of `motion`.
   void accelerate(const Motion& motion, ModalState& state) const;
   /// D v, f entries.
   void damp(const Eigen::Ref<const Eigen::VectorXd>& v, Eigen::VectorXd& Dv) const;

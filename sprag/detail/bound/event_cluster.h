@@ -16,9 +16,8 @@ namespace sprag {
 
 /// An event whose window may still be open.
 struct OpenWindow {
-  double end = 0.0;  ///< [s]
-  double J = 0.0;    ///< sqrt of energy
-  double approach = 0.0;
+  double end = 0.0;     ///< [s]
+  double J = 0.0;       ///< sqrt of energy
   int contact = -1;     ///< -1: several
   bool simple = false;  ///< an impact of one contact with no other closed
 };

@@ -9,6 +9,18 @@
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
+namespace {
+
+// G of these contacts, scaled to a unit diagonal.
+ContactMatrix with_unit_diagonal(const Eigen::MatrixXd& G, ContactSet contacts) {
+  ContactMatrix of = of_contacts(G, contacts);
+  const ContactVector root = of.diagonal().cwiseSqrt();
+  of.array().colwise() /= root.array();
+  of.array().rowwise() /= root.transpose().array();
+  return of;
+}
+
+}  // namespace
 
 Approach approach(const Motion& free, int contact, double delta) {
   const SignalRange gamma = range(free.flow->gap_velocity(contact), free, delta);
@@ -35,8 +47,7 @@ EventCost single_cost(const EnergyMetric& metric, const Tolerance& tolerance, Si
   const double off = stays ? 0.0 : tolerance.restitution;
   return {.D = tolerance.time * kept * turn / root,
           .J = std::min(kept + off, 2.0) * g / root,
-          .E = off * g / root,
-          .approach = g / root};
+          .E = off * g / root};
 }
 
 EventCost opening_cost(const EnergyMetric& metric, const Tolerance& tolerance, int contact,
@@ -64,11 +75,8 @@ double largest_change(const Model& model) {
 }
 
 double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts) {
-  ContactMatrix of = of_contacts(G, contacts);
+  const ContactMatrix of = with_unit_diagonal(G, contacts);
   if (of.rows() == 1) return 1.0;
-  const ContactVector root = of.diagonal().cwiseSqrt();
-  of.array().colwise() /= root.array();
-  of.array().rowwise() /= root.transpose().array();
   const Eigen::SelfAdjointEigenSolver<ContactMatrix> solver(of, Eigen::EigenvaluesOnly);
   const double least = solver.eigenvalues()[0];
   const double most = solver.eigenvalues()[of.rows() - 1];
@@ -82,11 +90,8 @@ double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double eps
 }
 
 double restitution_spread(const Eigen::MatrixXd& G, ContactSet contacts) {
-  ContactMatrix of = of_contacts(G, contacts);
+  const ContactMatrix of = with_unit_diagonal(G, contacts);
   if (of.rows() == 1) return 1.0;
-  const ContactVector root = of.diagonal().cwiseSqrt();
-  of.array().colwise() /= root.array();
-  of.array().rowwise() /= root.transpose().array();
   const Eigen::LLT<ContactMatrix> factor(of);
   if (factor.info() != Eigen::Success) return infinity;
   ContactMatrix inverse = ContactMatrix::Identity(of.rows(), of.rows());

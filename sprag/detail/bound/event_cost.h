@@ -26,10 +26,9 @@ namespace sprag {
 
 /// sqrt of energy each.
 struct EventCost {
-  double D = 0.0;         ///< time error; permanent
-  double J = 0.0;         ///< only one of machine and replica has had the event; in the window only
-  double E = 0.0;         ///< restitution error; permanent
-  double approach = 0.0;  ///< sup gamma^- / sqrt(2 G), in sqrt of energy
+  double D = 0.0;  ///< time error; permanent
+  double J = 0.0;  ///< only one of machine and replica has had the event; in the window only
+  double E = 0.0;  ///< restitution error; permanent
 };
 
 /// Ranges of a contact's gap velocity and acceleration in an event's window, on the free branch

@@ -21,17 +21,15 @@ FlightContraction::FlightContraction(const Flows& flows, double damping_factor) 
       model.C *= damping_factor;
       dense_ = ContractionTable(model);
     }
-    omega_max_ = dense_.omega_max();
     damping_ = dense_.damping();
   } else if (modes_ > 0) {
     const Oscillators& of_free = free.oscillators();
     oscillators_ = Oscillators(damping_factor * of_free.delta(), of_free.kappa());
-    omega_max_ = oscillators_.root_kappa().segment(frequencies_, modes_).maxCoeff();
     damping_ = 2.0 * oscillators_.delta().maxCoeff();
     // Rigid motions as in energy.h, where they have no potential energy.
     const double noise =
         free.path() == FlowPath::modal ? static_cast<double>(modes_) * machine_epsilon : 0.0;
-    rigid_ = std::sqrt(noise) * omega_max_;
+    rigid_ = std::sqrt(noise) * oscillators_.root_kappa().segment(frequencies_, modes_).maxCoeff();
   }
   kernels_.resize(free.size());
   known_.fill(-1.0);

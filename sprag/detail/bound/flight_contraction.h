@@ -26,8 +26,7 @@ class FlightContraction {
   /// tick. Never less than square(tau).
   double square_at_node(double tau);
 
-  double omega_max() const { return omega_max_; }  ///< largest natural frequency [rad/s]
-  double damping() const { return damping_; }      ///< bound on the norm of the damping [1/s]
+  double damping() const { return damping_; }  ///< bound on the norm of the damping [1/s]
 
  private:
   static constexpr int first_octave = -40, octaves = 64, nodes_in_octave = 16;
@@ -37,7 +36,6 @@ class FlightContraction {
   Oscillators oscillators_;  // of the free flow with the changed damping
   Eigen::Index frequencies_ = 0;
   Eigen::Index modes_ = 0;
-  double omega_max_ = 0.0;
   double damping_ = 0.0;
   double rigid_ = 0.0;  // a mode up to this frequency counts as a rigid motion
   OscillatorKernels kernels_;
