@@ -7,7 +7,6 @@
 #include <numbers>
 #include <utility>
 
-#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/master.h"
 
 namespace sprag {
@@ -43,13 +42,9 @@ std::string percent(double share) { return readable(100.0 * share) + " %"; }
 /// "q = (0.7071, 0.7071)"; for many coordinates only the largest.
 std::string motion_text(const Eigen::VectorXd& direction) {
   constexpr Index few = 6;
-  if (direction.size() > few) {
-    Index most = 0;
-    direction.cwiseAbs().maxCoeff(&most);
-    return "mostly q_" + std::to_string(most + 1);
-  }
   Index most = 0;
   const double largest = direction.cwiseAbs().maxCoeff(&most);
+  if (direction.size() > few) return "mostly q_" + std::to_string(most + 1);
   const double sign = direction[most] < 0.0 ? -1.0 : 1.0;
   std::string text;
   for (const double entry : direction) {
@@ -72,7 +67,7 @@ std::string motions_text(const Eigen::MatrixXd& motions) {
 Finding definite_finding(const std::string& id, const Definiteness& matrix,
                          const std::string& consequence, const std::string& change) {
   const std::string smallest = "smallest eigenvalue " + readable(matrix.smallest);
-  if (matrix.definite()) return {id, true, true, id + " is positive definite, " + smallest, ""};
+  if (matrix.definite()) return {id, true, true, id + " is positive definite, " + smallest};
   if (!matrix.semidefinite) {
     return {
         id, true, false, id + " is not positive semidefinite, " + smallest,
@@ -114,21 +109,19 @@ Finding dependent_directions(const Assessment& a, int contacts) {
             "open at once, again and again"};
   }
   const std::string condition = "time windows in which all contacts are open recur";
-  Finding finding{"W", true, true,
-                  "provided that " + condition +
-                      ": in them K c = 0 follows from eq. (17) for the error c that is left, and "
-                      "the directions need not be independent. " +
-                      rank + checked + "In the last quarter of the trial all contacts are open " +
-                      percent(trial.open_share) + " of the time, for up to " +
-                      readable(trial.longest_open) + " at once",
-                  ""};
-  finding.provided = condition;
-  return finding;
+  return {.id = "W",
+          .what = "provided that " + condition +
+                  ": in them K c = 0 follows from eq. (17) for the error c that is left, and the "
+                  "directions need not be independent. " +
+                  rank + checked + "In the last quarter of the trial all contacts are open " +
+                  percent(trial.open_share) + " of the time, for up to " +
+                  readable(trial.longest_open) + " at once",
+          .provided = condition};
 }
 
 Finding directions_finding(const Assessment& a, int contacts) {
   const Directions& W = a.W;
-  if (contacts == 0) return {"W", true, true, "no contacts", ""};
+  if (contacts == 0) return {"W", true, true, "no contacts"};
   const std::string m = std::to_string(contacts);
   if (W.rank < contacts) return dependent_directions(a, contacts);
   const std::string what = "W has full column rank " + m + ", condition number " +
@@ -140,15 +133,13 @@ Finding directions_finding(const Assessment& a, int contacts) {
 
 // A condition of the theorem that a trial without any time does not show.
 Finding not_shown(const std::string& id, const std::string& condition) {
-  Finding finding{id, true, true,
-                  "provided that " + condition + ": the trial ends at its start and shows nothing",
-                  ""};
-  finding.provided = condition;
-  return finding;
+  return {.id = id,
+          .what = "provided that " + condition + ": the trial ends at its start and shows nothing",
+          .provided = condition};
 }
 
 Finding contacts_open_again(const Trial& trial) {
-  if (trial.contacts.empty()) return {"A1", true, true, "no contacts", ""};
+  if (trial.contacts.empty()) return {"A1", true, true, "no contacts"};
   if (!(trial.duration > 0.0)) return not_shown("A1", "each contact opens again and again");
   std::vector<int> permanent;
   std::string shares;
@@ -169,8 +160,7 @@ Finding contacts_open_again(const Trial& trial) {
   }
   return {"A1", true, true,
           "no contact stays closed " + seen + " (sustained contact: " + shares +
-              " of the time): each opens again, as far as a trial can show",
-          ""};
+              " of the time): each opens again, as far as a trial can show"};
 }
 
 Finding bounded_motion(const Assessment& a) {
@@ -189,8 +179,7 @@ Finding bounded_motion(const Assessment& a) {
   }
   return {"A2", true, true,
           "the forcing is bounded, and the motion shows no steady growth in " + seen +
-              ": bounded, as far as a trial can show",
-          ""};
+              ": bounded, as far as a trial can show"};
 }
 
 // Two stops on either side of one coordinate with room between them never close together.
@@ -203,14 +192,12 @@ Finding monotone_law(const Assessment& a, int contacts) {
   const bool newton = a.law == ImpactLaw::newton;
   const std::string name = newton ? "Newton's" : "Poisson's";
   if (contacts < 2) {
-    return {"A3", true, true, "one contact: Newton's and Poisson's law coincide and are monotone",
-            ""};
+    return {"A3", true, true, "one contact: Newton's and Poisson's law coincide and are monotone"};
   }
   if (never_together(a, contacts)) {
     return {"A3", true, true,
             "the two contacts cannot close together: each impact is of one contact, where Newton's "
-            "and Poisson's law coincide and are monotone",
-            ""};
+            "and Poisson's law coincide and are monotone"};
   }
   if (law.by_speed) {
     return {"A3", true, false,
@@ -223,8 +210,7 @@ Finding monotone_law(const Assessment& a, int contacts) {
             name +
                 " law with one restitution for all contacts is maximal monotone (but a contact "
                 "that closes to stay has restitution 0, which differs if another one bounces at "
-                "the same instant)",
-            ""};
+                "the same instant)"};
   }
   const std::string criterion =
       newton ? "DG + GD with D = diag((1 - eps_i)/(1 + eps_i))" : "G - EGE";
@@ -259,7 +245,7 @@ Finding law_fits_clutches(const Assessment& a, int contacts) {
                 " contacts allows gamma+ < 0 at a closed contact, which a clutch cannot follow",
             "set impact.law = \"poisson\""};
   }
-  return {"clutches", true, true, "the impact law fits one-way clutches", ""};
+  return {"clutches", true, true, "the impact law fits one-way clutches"};
 }
 
 Finding trial_finding(const Trial& trial) {
@@ -289,7 +275,7 @@ Finding trial_finding(const Trial& trial) {
             seen + "; never closed: contact" + (idle.size() > 1 ? "s " : " ") + list(idle),
             "a smaller clearance or more excitation; without contacts, damping alone synchronizes"};
   }
-  return {"trial", false, true, seen, ""};
+  return {"trial", false, true, seen};
 }
 
 Finding seen_modes(const std::vector<Mode>& modes) {
@@ -304,7 +290,7 @@ Finding seen_modes(const std::vector<Mode>& modes) {
                   ? ", " + readable(mode.decades) + " decades of its V per unit of time)"
                   : std::string(", undamped: it does not converge)");
   }
-  if (hidden.empty()) return {"seen_modes", false, true, "the contacts see every mode", ""};
+  if (hidden.empty()) return {"seen_modes", false, true, "the contacts see every mode"};
   return {"seen_modes", false, false,
           "barely seen by the contacts, so that only damping can make them converge: " + hidden,
           "for a faster convergence move a contact away from the nodes of these modes, or damp "
@@ -353,27 +339,25 @@ Finding by_replica(const Assessment& a) {
   if (broken.empty()) {
     std::string provided;
     for (const std::string& condition : a.conditions()) provided += ", provided that " + condition;
-    return {"by_replica", false, true, "--estimator replica synchronizes, by Theorem 1" + provided,
-            ""};
+    return {"by_replica", false, true, "--estimator replica synchronizes, by Theorem 1" + provided};
   }
   return {"by_replica", false, false,
           "--estimator replica has no promise of Theorem 1, for " + broken +
-              ": some of its error may stay",
-          ""};
+              ": some of its error may stay"};
 }
 
 Finding by_filter(const Assessment& a) {
   const std::string name = "--estimator timing ";
   if (!a.filter) {
     return {"by_filter", false, false,
-            name + "is of no use for a machine that something is left out of", ""};
+            name + "is of no use for a machine that something is left out of"};
   }
   const FilterTrial& trial = *a.filter;
   if (!trial.ran()) {
     const bool events = a.trial.closings > 0;
-    return {"by_filter", false, false,
-            name + (events ? "was not tried for want of time" : "needs events; the trial has none"),
-            ""};
+    return {
+        "by_filter", false, false,
+        name + (events ? "was not tried for want of time" : "needs events; the trial has none")};
   }
   const std::string seen = std::to_string(trial.closings) + " closings in " +
                            readable(trial.duration) + " units of time";
@@ -381,8 +365,7 @@ Finding by_filter(const Assessment& a) {
     return {"by_filter", false, false,
             name + "does not know the machine after " + seen +
                 " (where nothing but the machine's own state moves it, jittered events do not "
-                "determine the size of its motion)",
-            ""};
+                "determine the size of its motion)"};
   }
   const bool cut_short = trial.duration < 0.99 * a.trial.duration;
   const std::string left = readable(trial.left) + " of the uncertainty of the start is left after ";
@@ -392,15 +375,13 @@ Finding by_filter(const Assessment& a) {
                 "follows the machine, if the scene is right, whether or not Theorem 1 holds: from "
                 "t = " +
                 readable(trial.known_from) +
-                " of the trial on less than a hundredth of the uncertainty of the start is left",
-            ""};
+                " of the trial on less than a hundredth of the uncertainty of the start is left"};
   }
   return {"by_filter", false, false,
           name +
               (cut_short ? "was tried for a part of the trial only: "
                          : "does not get to know all of the motion: ") +
-              left + seen,
-          ""};
+              left + seen};
 }
 
 // Text about the smallest sufficient number of coordinates and its correction.
@@ -478,8 +459,7 @@ std::vector<std::string> Assessment::conditions() const {
 
 bool Assessment::both_follows() const { return synchronizes() || (filter && filter->follows()); }
 
-Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token stop) {
-  const StopScope scope(std::move(stop));
+Assessment assess(const Scene& scene, const TrialLimits& limits) {
   const Model& model = scene.model;
   Assessment a;
   a.scene = scene.name;
@@ -531,29 +511,25 @@ Assessment assess(const Scene& scene, const TrialLimits& limits, std::stop_token
   findings.push_back(trial_finding(a.trial));
   findings.push_back(seen_modes(a.modes));
   if (auto bursts = bursts_finding(a)) findings.push_back(std::move(*bursts));
-  if (own_restitutions(model).empty()) {
+  if (const std::string own = own_restitutions(model); own.empty()) {
     a.filter = try_filter(scene, a.trial.events, a.trial.duration, limits);
-  }
-  if (const std::string own = own_restitutions(model); !own.empty()) {
+  } else {
     findings.push_back({"replica", false, true,
                         "the replica's pulses have a restitution of their own, " + own +
                             ": it follows a machine of which this one is a part, not this scene's "
-                            "own master",
-                        ""});
+                            "own master"});
   }
   findings.push_back(by_replica(a));
   findings.push_back(by_filter(a));
   findings.push_back({"by_both", false, true,
                       "--estimator both, the default, shows the filter while it fits the events, "
-                      "else the replica",
-                      ""});
+                      "else the replica"});
   return a;
 }
 
-void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits, Assessment& a,
-                     std::stop_token stop) {
-  const StopScope scope(std::move(stop));
-  Finding finding{"accuracy", false, true, "", ""};
+void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
+                     Assessment& a) {
+  Finding finding{"accuracy", false, true, ""};
   try {
     a.accuracy = find_accuracy(scene, tolerance, a.trial.duration, limits);
     const Accuracy& found = *a.accuracy;

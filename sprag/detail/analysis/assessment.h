@@ -1,21 +1,19 @@
-/// \file
-/// \brief Checks what an estimator can achieve with a scene, before any recording exists.
-///
-/// Replica: checks every assumption of Theorem 1 of Baumann & Leine 2014, under which the replica
-/// synchronizes with its master, and the quantities that set the rate. The theorem needs the
-/// machine (2)-(6) with M, C, K > 0 and linearly independent columns of W, and
-///
-/// - A1: the contact states chi are of class K^n, so that no contact stays closed for ever;
-/// - A2: a bounded motion exists;
-/// - A3: the impact law is maximal monotone.
-///
-/// Timing filter: tries whether the machine's events make its state observable.
-///
-/// Contacts are counted from 0 in C++, and from 1 in texts for people.
+// Checks what an estimator can achieve with a scene, before any recording exists.
+//
+// Replica: checks every assumption of Theorem 1 of Baumann & Leine 2014, under which the replica
+// synchronizes with its master, and the quantities that set the rate. The theorem needs the machine
+// (2)-(6) with M, C, K > 0 and linearly independent columns of W, and
+//
+// - A1: the contact states chi are of class K^n, so that no contact stays closed for ever;
+// - A2: a bounded motion exists;
+// - A3: the impact law is maximal monotone.
+//
+// Timing filter: tries whether the machine's events make its state observable.
+//
+// Contacts are counted from 0 in C++, and from 1 in texts for people.
 #pragma once
 
 #include <optional>
-#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -29,24 +27,24 @@
 
 namespace sprag {
 
-/// \brief Result of one check.
+/// Result of one check.
 struct Finding {
-  std::string id;        ///< short name: "M", "A1", "by_filter", ...
-  bool required = true;  ///< the theorem or the clutches need it; false: information only
-  bool holds = true;     ///< the check passed
-  std::string what;      ///< result in words, with figures
-  std::string change;    ///< suggested change; empty: none
-  std::string provided =
-      {};  ///< condition on which it holds, "time windows ... recur"; empty: unconditional
+  std::string id;           ///< short name: "M", "A1", "by_filter", ...
+  bool required = true;     ///< the theorem or the clutches need it; false: information only
+  bool holds = true;        ///< the check passed
+  std::string what;         ///< result in words, with figures
+  std::string change = {};  ///< suggested change; empty: none
+  /// Condition on which it holds, "time windows ... recur"; empty: unconditional.
+  std::string provided = {};
 };
 
-/// \brief All checks of one scene. Times are in the scene's unit of time.
+/// All checks of one scene. Times are in the scene's unit of time.
 struct Assessment {
   std::string scene;                   ///< name of the scene
   int coordinates = 0;                 ///< f
   ImpactLaw law = ImpactLaw::poisson;  ///< of the model
   Definiteness M, C, K;                ///< definiteness of the three matrices
-  /// \brief Independence of the contact directions. This and all fields below are set only if M is
+  /// Independence of the contact directions. This and all fields below are set only if M is
   /// positive definite.
   Directions W;
   std::vector<OpposingStops> opposing;  ///< pairs of contacts on either side of one coordinate
@@ -62,55 +60,39 @@ struct Assessment {
 
   std::vector<Finding> findings;  ///< in the order of the report
 
-  /// \brief Whether the replica synchronizes.
-  /// \return true if all required findings hold.
+  /// Whether the replica synchronizes, by Theorem 1: all required findings hold.
   bool synchronizes() const;
-  /// \brief Verdict on the replica, by Theorem 1.
-  /// \return "will synchronize" or "may not synchronize".
+  /// The same as "will synchronize" or "may not synchronize".
   const char* verdict() const;
-  /// \brief Conditions of the verdict that cannot be checked in advance.
-  /// \return Finding::provided of the required findings.
+  /// Conditions of the verdict that cannot be checked in advance: Finding::provided of the required
+  /// findings.
   std::vector<std::string> conditions() const;
-  /// \brief Whether the default estimator `both` is expected to find the machine's motion.
-  /// \return true if the replica synchronizes or the filter of the trial follows the machine.
+  /// Whether the default estimator `both` is expected to find the machine's motion: the replica
+  /// synchronizes or the filter of the trial follows the machine.
   bool both_follows() const;
 };
 
-/// \brief Runs all checks except the accuracy of fewer modes.
-/// \param scene machine, starts and uncertainties.
-/// \param limits limits of the trial's cost.
-/// \param stop token by which another thread or a signal handler cancels the computation.
-/// \return the assessment; incomplete if M is not positive definite.
-/// \throws ModelError if the machine has no exact flow in free flight.
-/// \throws Interrupted if `stop` was requested.
-Assessment assess(const Scene& scene, const TrialLimits& limits = {}, std::stop_token stop = {});
+/// Runs all checks except the accuracy of fewer modes. The result is incomplete if M is not
+/// positive definite. Throws ModelError if the machine has no exact flow in free flight, or
+/// Interrupted.
+Assessment assess(const Scene& scene, const TrialLimits& limits = {});
 
-/// \brief Finds how many modes an observer needs, over the duration of the trial.
-///
-/// Adds Assessment::accuracy and a finding "accuracy" that is not required. If damping couples the
-/// modes, or the master cannot continue, only the finding is added.
-/// \param scene the scene of the assessment.
-/// \param tolerance largest admitted change of the observed tip or gaps [m], > 0.
-/// \param limits limits of the trial's cost.
-/// \param assessment result of assess() for this scene.
-/// \param stop token by which another thread or a signal handler cancels the computation.
-/// \throws Interrupted if `stop` was requested.
+/// Finds how many modes an observer needs for a change of the tip or gaps of at most `tolerance` >
+/// 0 [m], over the duration of the trial. Adds Assessment::accuracy and a finding "accuracy" that
+/// is not required. If damping couples the modes, or the master cannot continue, only the finding
+/// is added. `assessment` is that of assess() for this scene. Throws Interrupted.
 void assess_accuracy(const Scene& scene, double tolerance, const TrialLimits& limits,
-                     Assessment& assessment, std::stop_token stop = {});
+                     Assessment& assessment);
 
-/// \brief First lines of to_text() without the scene's name.
-/// \param assessment result of assess().
-/// \return whether the default estimator follows the machine, why, and on which conditions.
+/// First lines of to_text() without the scene's name: whether the default estimator follows the
+/// machine, why, and on which conditions.
 std::string headline(const Assessment& assessment);
 
-/// \brief Report for people.
-/// \param assessment result of assess().
-/// \return headline, reasons and figures with four significant digits, at most 100 columns wide.
+/// Report for people: headline, reasons and figures with four significant digits, at most 100
+/// columns wide.
 std::string to_text(const Assessment& assessment);
 
-/// \brief Formats a number with four significant digits.
-/// \param value the number.
-/// \return the text.
+/// A number with four significant digits.
 std::string readable(double value);
 
 }  // namespace sprag

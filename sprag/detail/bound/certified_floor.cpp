@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/dissipation_cap.h"
-#include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/observer.h"
 
@@ -19,8 +17,7 @@ constexpr double floor_samples = 2000.0;
 }  // namespace
 
 CertifiedFloor certified_floor(const Scene& scene, std::span<const ContactEvent> events,
-                               double duration, std::stop_token stop) {
-  const StopScope scope(std::move(stop));
+                               double duration) {
   const ObserverSettings settings{.tick = duration / floor_samples,
                                   .estimator = EstimatorKind::replica};
   const Estimates all = observe(scene, events, duration, settings);
