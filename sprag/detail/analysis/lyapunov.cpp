@@ -1,5 +1,6 @@
 #include "sprag/detail/analysis/lyapunov.h"
 
+#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <numbers>
 
@@ -10,8 +11,6 @@
 
 namespace sprag {
 namespace {
-
-constexpr int squarings = 56;
 
 // sqrt(du^T M du + Omega^2 dq^T M dq).
 double length(const Eigen::MatrixXd& M, double Omega, const Variation& variation) {
@@ -43,19 +42,8 @@ Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
   return A;
 }
 
-double spectral_radius(Eigen::MatrixXd A) {
-  // A^(2^k) = e^log A.
-  double log = 0.0;
-  Eigen::MatrixXd squared(A.rows(), A.cols());
-  for (int k = 0; k < squarings; ++k) {
-    const double largest = A.cwiseAbs().maxCoeff();
-    if (!(largest > 0.0) || !std::isfinite(largest)) return largest;
-    A /= largest;
-    log += std::ldexp(std::log(largest), -k);
-    squared.noalias() = A.lazyProduct(A);
-    A.swap(squared);
-  }
-  return std::exp(log + std::ldexp(std::log(A.cwiseAbs().maxCoeff()), -squarings));
+double spectral_radius(const Eigen::MatrixXd& A) {
+  return A.allFinite() ? A.eigenvalues().cwiseAbs().maxCoeff() : A.cwiseAbs().maxCoeff();
 }
 
 double largest_exponent(Master& master, double T, long k, long l,

@@ -26,8 +26,8 @@ Instant stroboscope_instant(long k, double T);
 Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
                           std::vector<ContactEvent>& events);
 
-/// Largest |eigenvalue| of a square matrix, by Gelfand's formula |A^n|^(1/n), n = 2^k.
-double spectral_radius(Eigen::MatrixXd A);
+/// Largest |eigenvalue| of a square matrix.
+double spectral_radius(const Eigen::MatrixXd& A);
 
 /// Largest exponent [1 / unit of time] over the periods k to l of a motion, from one difference
 /// that is normalized each period (Benettin et al., Meccanica 15, 1980). The first tenth of the

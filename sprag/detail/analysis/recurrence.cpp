@@ -8,6 +8,7 @@
 
 #include "sprag/contact_event.h"
 #include "sprag/detail/analysis/lyapunov.h"
+#include "sprag/detail/mechanics/flows.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -71,12 +72,8 @@ double excitation_period(const Dynamics& dynamics) {
 }
 
 Recurrence recurrence(const Model& model, const State& start, const RecurrenceSettings& settings) {
-  const Flows flows(model);
-  return recurrence(flows, start, settings);
-}
-
-Recurrence recurrence(const Flows& flows, const State& start, const RecurrenceSettings& settings) {
   check_settings(settings);
+  const Flows flows(model);
   const Dynamics& dynamics = flows.dynamics();
   const double T = settings.period > 0.0 ? settings.period : excitation_period(dynamics);
   const double Omega = 2.0 * std::numbers::pi / T;

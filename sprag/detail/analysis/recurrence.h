@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "sprag/detail/mechanics/dynamics.h"
-#include "sprag/detail/mechanics/flows.h"
 #include "sprag/model.h"
 #include "sprag/simulate.h"
 
@@ -50,8 +49,6 @@ double excitation_period(const Dynamics& dynamics);
 /// Throws std::invalid_argument (settings, or no single frequency and no period specified),
 /// ModelError, SimulationError, or Interrupted.
 Recurrence recurrence(const Model& model, const State& start, const RecurrenceSettings& settings);
-/// The same with existing flows, for many starts of one machine.
-Recurrence recurrence(const Flows& flows, const State& start, const RecurrenceSettings& settings);
 
 /// Smallest p <= longest, and at most a quarter of the points, with |x_(k+p) - x_k| <= close for
 /// all points of the last half; 0 if there is none. One point per row; |x|^2 = sum of weight_j
