@@ -9,10 +9,10 @@
 #include "recording/recorded_events.h"
 #include "sprag/detail/analysis/assessment.h"
 #include "sprag/detail/analysis/reduction_choice.h"
-#include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/text/printable.h"
 #include "sprag/detail/text/reduction_text.h"
+#include "sprag/detail/text/table.h"
 #include "tools/reduce/json.h"
 
 namespace sprag {

@@ -4,11 +4,11 @@
 #include <cmath>
 #include <cstdio>
 
-#include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/half_width.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/text/table.h"
 
 namespace sprag {
 namespace {

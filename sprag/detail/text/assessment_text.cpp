@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "sprag/detail/analysis/assessment.h"
-#include "sprag/detail/analysis/wrapped_text.h"
+#include "sprag/detail/text/table.h"
 
 namespace sprag {
 namespace {

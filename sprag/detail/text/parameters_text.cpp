@@ -1,8 +1,8 @@
 #include "sprag/detail/text/parameters_text.h"
 
-#include "sprag/detail/analysis/wrapped_text.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/text/table.h"
 
 namespace sprag {
 
