@@ -17,24 +17,18 @@ constexpr std::size_t wanted_events = 400;
 constexpr double slow_periods = 20.0;  // of the first trial run
 constexpr int most_doublings = 8;
 
-std::string with_unit(double value, double scale, const char* unit) {
+std::string with_unit(double value, double scale, const std::string& unit) {
   char number[48];
   const double shown = value * scale;
   // Two digits as 1e+02 are hard to read.
   std::snprintf(number, sizeof number, shown >= 99.5 && shown < 1e5 ? "%.0f" : "%.2g", shown);
-  std::string text = number;
-  if (*unit != '\0') text += std::string(" ") += unit;
-  return text;
+  return number + (unit.empty() ? "" : " " + unit);
 }
 
-std::string length_text(double value) {
-  if (value < 1e-4) return with_unit(value, 1e6, "um");
-  return value < 0.1 ? with_unit(value, 1e3, "mm") : with_unit(value, 1.0, "m");
-}
-
-std::string duration_text(double value) {
-  if (value < 1e-4) return with_unit(value, 1e6, "us");
-  return value < 0.1 ? with_unit(value, 1e3, "ms") : with_unit(value, 1.0, "s");
+// In the unit, its thousandth or its millionth.
+std::string with_prefix(double value, const std::string& unit) {
+  if (value < 1e-4) return with_unit(value, 1e6, "u" + unit);
+  return value < 0.1 ? with_unit(value, 1e3, "m" + unit) : with_unit(value, 1.0, unit);
 }
 
 std::string limits_text(const Tolerance& tolerance) {
@@ -42,12 +36,12 @@ std::string limits_text(const Tolerance& tolerance) {
   const auto add = [&](double value, const std::string& words) {
     if (value > 0.0) text += (text.empty() ? "" : ", ") + words;
   };
-  add(tolerance.time, "event times to " + duration_text(tolerance.time));
+  add(tolerance.time, "event times to " + with_prefix(tolerance.time, "s"));
   add(tolerance.restitution, "restitution to " + with_unit(tolerance.restitution, 1.0, ""));
   add(tolerance.stiffness, "stiffness to " + with_unit(tolerance.stiffness, 100.0, "%"));
   add(tolerance.damping, "damping to " + with_unit(tolerance.damping, 100.0, "%"));
   add(tolerance.force, "force to " + with_unit(tolerance.force, 1.0, ""));
-  add(tolerance.clearance, "clearance to " + length_text(tolerance.clearance));
+  add(tolerance.clearance, "clearance to " + with_prefix(tolerance.clearance, "m"));
   return text;
 }
 
@@ -100,7 +94,7 @@ std::string guaranteed_text(const Scene& scene, const std::optional<GuaranteedWi
     std::string unheld;
     for (const auto& [name, width] : found->widths) {
       if (std::isfinite(width)) {
-        words += name + " within " + length_text(width) + ", ";
+        words += name + " within " + with_prefix(width, "m") + ", ";
       } else {
         unheld += (unheld.empty() ? "" : ", ") + name;
       }

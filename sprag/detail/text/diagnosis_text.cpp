@@ -95,14 +95,13 @@ std::string verdict(const Diagnosis& diagnosis) {
   if (diagnosis.fits) return "events fit the model";
   if (diagnosis.is_repaired()) {
     const std::size_t lost = diagnosis.missing.size(), spurious = diagnosis.spurious.size();
+    const auto events = [](std::size_t n) {
+      return std::to_string(n) + (n == 1 ? " event is" : " events are");
+    };
     std::string text;
-    if (lost > 0)
-      text += std::to_string(lost) + (lost == 1 ? " event is" : " events are") + " lost";
+    if (lost > 0) text += events(lost) + " lost";
     if (lost > 0 && spurious > 0) text += " and ";
-    if (spurious > 0) {
-      text +=
-          std::to_string(spurious) + (spurious == 1 ? " event is" : " events are") + " spurious";
-    }
+    if (spurious > 0) text += events(spurious) + " spurious";
     return text + "; otherwise the events fit the model";
   }
   if (const Candidate* best = diagnosis.explanation()) {
