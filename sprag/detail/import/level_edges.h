@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 
 namespace sprag {
 
@@ -16,30 +17,24 @@ class LevelEdges {
   /// A level above the threshold is high; `inverted`: low. `initially_low`: the channel is known to
   /// be low before the first level, else the first one is that of the start.
   LevelEdges(double threshold, bool inverted, bool initially_low = false)
-      : threshold_(threshold),
-        inverted_(inverted),
-        level_(initially_low ? Level::low : Level::unknown) {}
+      : threshold_(threshold), inverted_(inverted) {
+    if (initially_low) high_ = false;
+  }
 
   /// The edge at this level. At the first level of a channel whose state is unknown there is none.
   LevelChange take(double level) {
-    const Level before = level_;
-    level_ = (level > threshold_) != inverted_ ? Level::high : Level::low;
-    if (before == Level::unknown || before == level_) return LevelChange::none;
-    return level_ == Level::high ? LevelChange::rises : LevelChange::falls;
+    const std::optional<bool> before = std::exchange(high_, (level > threshold_) != inverted_);
+    if (!before || before == high_) return LevelChange::none;
+    return *high_ ? LevelChange::rises : LevelChange::falls;
   }
 
   /// Whether the last level is high, after inversion; nullopt before the first one.
-  std::optional<bool> high() const {
-    if (level_ == Level::unknown) return std::nullopt;
-    return level_ == Level::high;
-  }
+  std::optional<bool> high() const { return high_; }
 
  private:
-  enum class Level { unknown, low, high };
-
   double threshold_;
   bool inverted_;
-  Level level_;
+  std::optional<bool> high_;
 };
 
 }  // namespace sprag
