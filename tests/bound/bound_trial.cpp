@@ -140,7 +140,7 @@ class FollowedReplica {
     while (next_ < reports_.size() && reports_[next_].t <= t) ++next_;
     for_each_instant(std::span<const ContactEvent>(reports_).subspan(first, next_ - first),
                      [&](std::span<const ContactEvent> of_one) { replica_.take(of_one, state_); });
-    replica_.move(at(t), state_);
+    replica_.advance(at(t), state_);
     state_.motion.flow->state(state_.motion, q, u);
   }
   bool refused() const { return state_.refused_impacts > 0; }

@@ -136,7 +136,7 @@ void BoundTracker::take_state(double t) {
   const Instant instant = at(t);
   const Motion* motion = &state_.motion;
   if (state_.chi != 0) {
-    if (instant - state_.motion.t > 0.0) replica_.move(instant, state_);
+    if (instant - state_.motion.t > 0.0) replica_.advance(instant, state_);
   } else if (instant - state_.motion.t > 0.0) {
     state_.motion.flow->propagate(state_.motion, instant, path_);
     motion = &path_;

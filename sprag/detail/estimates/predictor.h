@@ -31,37 +31,18 @@ namespace sprag {
 /// Predicts events of one machine.
 class Predictor {
  public:
-  /// Prepares the machine's flows.
-  /// \param model the machine.
-  /// \throws ModelError if the machine has no exact flow.
+  /// Throws ModelError if the machine has no exact flow.
   explicit Predictor(Model model) : flows_(std::move(model)) {}
-
-  /// Predicts the events in (t, t + ahead], at most 1000.
-  ///
-  /// The list is empty if one of the masters starts inside a support and does not move out of it.
-  /// \param t time of the belief, >= 0 [s].
-  /// \param closed contacts that are closed at t.
-  /// \param belief mean and covariance of the state at t.
-  /// \param ahead duration, > 0 [s].
-  /// \return the prediction.
-  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
-  Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead) const {
-    return predict(t, closed, belief, ahead, {});
-  }
 
   /// Machine at m + S xi where parameters are uncertain too. xi has one entry for each
   /// column of S.
   using MachineOf = std::function<std::shared_ptr<const Flows>(const Eigen::VectorXd& xi)>;
-  /// The same for a machine that depends on xi.
-  /// \param t time of the belief, >= 0 [s].
-  /// \param closed contacts that are closed at t.
-  /// \param belief mean and covariance at t.
-  /// \param ahead duration, > 0 [s].
-  /// \param machine_of returns the machine for xi; empty: the machine of the constructor.
-  /// \return the prediction.
-  /// \throws Interrupted if the stop token of the thread is requested (StopScope).
+  /// Predicts the events in (t, t + ahead], ahead > 0 [s], at most 1000, from the belief and the
+  /// closed contacts at t >= 0. The list is empty if one of the masters starts inside a support and
+  /// does not move out of it. `machine_of` empty: the machine of the constructor. Throws
+  /// Interrupted if the stop token of the thread is requested (StopScope).
   Prediction predict(double t, ContactSet closed, const Belief& belief, double ahead,
-                     const MachineOf& machine_of) const;
+                     const MachineOf& machine_of = {}) const;
 
  private:
   Flows flows_;

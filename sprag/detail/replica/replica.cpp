@@ -174,7 +174,6 @@ void Replica::note_innovation(ContactSet closing, ReplicaState& state) const {
   });
 }
 
-// Moves with the exact flow to t, through the clutches' own switchings.
 void Replica::advance(Instant t, ReplicaState& state) {
   Motion& motion = state.motion;
   for (int switchings = 0; state.chi != 0 && switchings < max_switchings; ++switchings) {

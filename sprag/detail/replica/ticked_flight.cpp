@@ -24,7 +24,7 @@ TickedFlight::TickedFlight(const Flow& free, double h)
       driven_tick_(free.oscillators(), free.drives(), h),
       driven_block_(free.oscillators(), free.drives(), block * h),
       drifts_(free.pushed()),
-      pushed_(drifts_ || driven()),
+      pushed_(drifts_ || !driven_tick_.empty()),
       sampled_(free.sampled() != nullptr) {}
 
 void TickedFlight::push(Motion& motion) const {

@@ -52,16 +52,6 @@ class TickedFlight {
   /// Whether the machine has sampled inputs.
   bool sampled() const { return sampled_; }
 
-  /// Number of next ticks that are products of the rounded step, before the next long step.
-  static int plain_ticks(const Anchor& anchor) {
-    return static_cast<int>(block - 1 - anchor.ticks_since % block);
-  }
-  /// The rounded step. It includes constant forces only if drifts().
-  const TickTable& table() const { return tick_; }
-  bool drifts() const { return drifts_; }
-  /// Whether forces near resonance are added to the product (drives.h).
-  bool driven() const { return !driven_tick_.empty(); }
-
  private:
   static constexpr unsigned block = 64;  // ticks
 
