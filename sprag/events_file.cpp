@@ -167,19 +167,15 @@ std::string_view name_of(EventNote note) {
 EventsWriter::EventsWriter(OutputFile file) : CsvWriter(std::move(file), events_header, 64) {}
 
 void EventsWriter::write(const ContactEvent& event) noexcept {
-  if (event.kind != ContactEventKind::opens) write_row(event.t, event.contact, '1');
-  if (event.kind != ContactEventKind::closes) write_row(event.t, event.contact, '0');
+  if (event.kind != ContactEventKind::opens) write_row(event.t, event.contact, "1");
+  if (event.kind != ContactEventKind::closes) write_row(event.t, event.contact, "0");
 }
 
-void EventsWriter::write_row(double t, int contact, char closed) noexcept {
-  row_.clear();
-  append_number(row_, t);
-  row_ += ',';
-  append_number(row_, std::int64_t{contact} + 1);
-  row_ += ',';
-  row_ += closed;
-  row_ += '\n';
-  file_.write(row_);
+void EventsWriter::write_row(double t, int contact, std::string_view closed) noexcept {
+  add(t);
+  add(std::int64_t{contact} + 1);
+  add(closed);
+  end_row();
 }
 
 NotedEventsWriter::NotedEventsWriter(const std::filesystem::path& file)
@@ -188,14 +184,11 @@ NotedEventsWriter::NotedEventsWriter(const std::filesystem::path& file)
 void NotedEventsWriter::write(const ContactEvent& event, EventNote note) noexcept {
   for (const bool closed : {true, false}) {
     if (event.kind == (closed ? ContactEventKind::opens : ContactEventKind::closes)) continue;
-    row_.clear();
-    append_number(row_, event.t);
-    row_ += ',';
-    append_number(row_, std::int64_t{event.contact} + 1);
-    row_ += closed ? ",1," : ",0,";
-    row_ += name_of(note);
-    row_ += '\n';
-    file_.write(row_);
+    add(event.t);
+    add(std::int64_t{event.contact} + 1);
+    add(closed ? "1" : "0");
+    add(name_of(note));
+    end_row();
   }
 }
 

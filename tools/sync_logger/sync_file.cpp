@@ -22,16 +22,10 @@ SyncWriter::SyncWriter(const std::filesystem::path& file, Eigen::Index coordinat
                 sync_header(coordinates), static_cast<std::size_t>(coordinates + 3) * 26) {}
 
 void SyncWriter::write(const SyncRow& row) noexcept {
-  row_.clear();
-  append_number(row_, row.k);
-  row_ += ',';
-  append_number(row_, row.t);
-  for (const double energy : row.energy) {
-    row_ += ',';
-    append_number(row_, energy);
-  }
-  row_ += '\n';
-  file_.write(row_);
+  add(row.k);
+  add(row.t);
+  for (const double energy : row.energy) add(energy);
+  end_row();
 }
 
 }  // namespace sprag

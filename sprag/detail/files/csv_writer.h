@@ -2,13 +2,14 @@
 // until they are queried.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
 
+#include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/output_file.h"
 #include "sprag/error.h"
 
@@ -40,6 +41,24 @@ class CsvWriter {
   CsvWriter(CsvWriter&&) = default;
   ~CsvWriter() = default;
 
+  /// Appends a field to the row.
+  void add(double number) {
+    append_number(row_, number);
+    row_ += ',';
+  }
+  void add(std::int64_t number) {
+    append_number(row_, number);
+    row_ += ',';
+  }
+  void add(std::string_view word) { (row_ += word) += ','; }
+  /// Writes the row, which has a field at least.
+  void end_row() {
+    row_.back() = '\n';
+    file_.write(row_);
+    row_.clear();
+  }
+
+ private:
   OutputFile file_;
   std::string row_;
 };

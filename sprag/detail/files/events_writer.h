@@ -10,44 +10,31 @@
 
 namespace sprag {
 
-/// Writes an events CSV. The first failure is kept: good() is false and error() describes
-/// it.
+/// Writes an events CSV. The first failure is kept: good() is false and error() describes it.
 class EventsWriter : public CsvWriter {
  public:
   /// Writes the header. A failure is reported by good().
-  /// \param file open output file.
   explicit EventsWriter(OutputFile file);
   /// Creates or empties a file and writes the header.
-  /// \param file its path.
   explicit EventsWriter(const std::filesystem::path& file) : EventsWriter(OutputFile(file)) {}
 
-  /// Appends the row of an event, or the two rows of a pulse. A failure is reported by
-  /// good().
-  /// \param event contact from 0.
+  /// Appends the row of an event, or the two rows of a pulse. A failure is reported by good().
   void write(const ContactEvent& event) noexcept;
 
  private:
-  void write_row(double t, int contact, char closed) noexcept;
+  void write_row(double t, int contact, std::string_view closed) noexcept;
 };
 
 /// Writes an events CSV with the column `note`.
 class NotedEventsWriter : public CsvWriter {
  public:
   /// Creates or empties a file and writes the header. A failure is reported by good().
-  /// \param file its path.
   explicit NotedEventsWriter(const std::filesystem::path& file);
-  /// Appends the row of an event, or the two rows of a pulse. A failure is reported by
-  /// good().
-  /// \param event contact from 0.
-  /// \param note its note.
+  /// Appends the row of an event, or the two rows of a pulse. A failure is reported by good().
   void write(const ContactEvent& event, EventNote note) noexcept;
 };
 
-/// The same for an open file.
-/// \param file open input file.
-/// \param contacts number of the machine's contacts.
-/// \return the events and all problems.
-/// \throws InputError as above.
+/// The same as in sprag/events_file.h for an open file.
 EventsFile read_events(InputFile file, int contacts);
 
 }  // namespace sprag

@@ -1,7 +1,5 @@
 #include "sprag/detail/files/impacts_file.h"
 
-#include "sprag/detail/files/csv.h"
-
 namespace sprag {
 namespace {
 
@@ -28,28 +26,19 @@ ImpactsWriter::ImpactsWriter(const std::filesystem::path& file)
     : CsvWriter(OutputFile(file), impacts_header, 512) {}
 
 void ImpactsWriter::write(const ImpactRecord& record) noexcept {
-  row_.clear();
-  append_number(row_, record.t);
-  row_ += ',';
-  append_number(row_, std::int64_t{record.contact} + 1);
-  row_ += ',';
-  row_ += name(record.kind);
-  row_ += record.from_filter ? ",1" : ",0";
+  add(record.t);
+  add(std::int64_t{record.contact} + 1);
+  add(name(record.kind));
+  add(record.from_filter ? "1" : "0");
   for (const Uncertain& x : {record.time, record.before, record.after, record.impulse}) {
-    row_ += ',';
-    append_number(row_, x.value);
-    row_ += ',';
-    append_number(row_, x.sigma);
+    add(x.value);
+    add(x.sigma);
   }
   for (const Uncertain& x :
        {record.force_begin, record.force_end, record.force_largest, record.force_impulse}) {
-    row_ += ',';
-    if (record.sustained) append_number(row_, x.value);
-    row_ += ',';
-    if (record.sustained) append_number(row_, x.sigma);
+    for (const double number : {x.value, x.sigma}) record.sustained ? add(number) : add("");
   }
-  row_ += '\n';
-  file_.write(row_);
+  end_row();
 }
 
 }  // namespace sprag

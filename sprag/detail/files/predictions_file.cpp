@@ -1,6 +1,5 @@
 #include "sprag/detail/files/predictions_file.h"
 
-#include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/impacts_file.h"
 
 namespace sprag {
@@ -10,28 +9,21 @@ PredictionsWriter::PredictionsWriter(const std::filesystem::path& file)
 
 void PredictionsWriter::write(const Prediction& prediction) noexcept {
   const auto begin = [&] {
-    row_.clear();
-    append_number(row_, prediction.made_at);
-    row_ += ',';
-    append_number(row_, prediction.certain_until);
-    row_ += ',';
+    add(prediction.made_at);
+    add(prediction.certain_until);
   };
   for (const PredictedEvent& event : prediction.events) {
     begin();
-    append_number(row_, event.t);
-    row_ += ',';
-    append_number(row_, std::int64_t{event.contact} + 1);
-    row_ += ',';
-    row_ += name(event.kind);
-    row_ += ',';
-    append_number(row_, event.sigma);
-    row_ += '\n';
-    file_.write(row_);
+    add(event.t);
+    add(std::int64_t{event.contact} + 1);
+    add(name(event.kind));
+    add(event.sigma);
+    end_row();
   }
   if (!prediction.events.empty()) return;
   begin();
-  row_ += ",,,\n";
-  file_.write(row_);
+  for (int empty = 0; empty < 4; ++empty) add("");
+  end_row();
 }
 
 }  // namespace sprag

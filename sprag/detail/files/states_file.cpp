@@ -26,18 +26,12 @@ StatesWriter::StatesWriter(const std::filesystem::path& file, Eigen::Index coord
 void StatesWriter::write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
                          const Eigen::Ref<const Eigen::VectorXd>& u,
                          std::span<const double> more) noexcept {
-  row_.clear();
-  append_number(row_, k);
-  const auto append = [this](double value) {
-    row_ += ',';
-    append_number(row_, value);
-  };
-  append(t);
-  for (const double value : q) append(value);
-  for (const double value : u) append(value);
-  for (const double value : more) append(value);
-  row_ += '\n';
-  file_.write(row_);
+  add(k);
+  add(t);
+  for (const double value : q) add(value);
+  for (const double value : u) add(value);
+  for (const double value : more) add(value);
+  end_row();
 }
 
 StatesReader::StatesReader(const std::filesystem::path& file) : reader_(file) {

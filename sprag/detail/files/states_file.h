@@ -1,8 +1,7 @@
-/// \file
-/// \brief Reads and writes states CSV files: the state at ticks k = 0, 1, ...
-///
-/// The header is `k,t,q1,...,qf,u1,...,uf`. Values are those after events at the tick, with 17
-/// significant digits. More columns may follow; StatesReader ignores them.
+// Reads and writes states CSV files: the state at ticks k = 0, 1, ...
+//
+// The header is `k,t,q1,...,qf,u1,...,uf`. Values are those after events at the tick, with 17
+// significant digits. More columns may follow; StatesReader ignores them.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,54 +18,43 @@
 
 namespace sprag {
 
-/// \brief Writes a states CSV. The first failure is kept: good() is false and error() describes it.
+/// Writes a states CSV. The first failure is kept: good() is false and error() describes it.
 class StatesWriter : public CsvWriter {
  public:
-  /// \brief Creates or empties a file and writes the header. A failure is reported by good().
-  /// \param file its path.
-  /// \param coordinates f.
-  /// \param more names of additional columns.
+  /// Creates or empties a file and writes the header with the names of additional columns. A
+  /// failure is reported by good().
   StatesWriter(const std::filesystem::path& file, Eigen::Index coordinates,
                const std::vector<std::string>& more = {});
 
-  /// \brief Appends the row of a tick. A failure is reported by good().
-  /// \param k number of the tick.
-  /// \param t its time [s].
-  /// \param q coordinates, f entries.
-  /// \param u velocities, f entries.
-  /// \param more values of the additional columns.
+  /// Appends the row of tick k at t [s], f entries of q and u each. A failure is reported by
+  /// good().
   void write(std::int64_t k, double t, const Eigen::Ref<const Eigen::VectorXd>& q,
              const Eigen::Ref<const Eigen::VectorXd>& u,
              std::span<const double> more = {}) noexcept;
 };
 
-/// \brief State at one tick.
+/// State at one tick.
 struct StateRow {
   std::int64_t k = 0;    ///< number of the tick
   double t = 0.0;        ///< [s]
   Eigen::VectorXd q, u;  ///< f entries each
 };
 
-/// \brief Reads a states CSV row by row.
+/// Reads a states CSV row by row.
 class StatesReader {
  public:
-  /// \brief Opens a file and reads its header.
-  /// \param file its path.
-  /// \throws InputError if the file cannot be opened or its header is not that of a states CSV.
+  /// Opens a file and reads its header. Throws InputError if the file cannot be opened or its
+  /// header is not that of a states CSV.
   explicit StatesReader(const std::filesystem::path& file);
 
-  /// \brief Number of coordinates, from the header.
-  /// \return f.
+  /// Number of coordinates f, from the header.
   Eigen::Index coordinates() const { return coordinates_; }
 
-  /// \brief Reads the next row.
-  /// \param row receives the state.
-  /// \return false at the end of the file or at damage, which ends the reading: a garbled or
-  /// truncated line, a number that is not finite, a time that does not rise.
+  /// Reads the next row. Returns false at the end of the file or at damage, which ends the reading:
+  /// a garbled or truncated line, a number that is not finite, a time that does not rise.
   bool next(StateRow& row);
 
-  /// \brief Where and why reading stopped before the end of the file.
-  /// \return empty if there was no damage.
+  /// Where and why reading stopped before the end of the file; empty without damage.
   const std::optional<FileProblem>& damage() const { return damage_; }
 
  private:
