@@ -14,12 +14,6 @@ namespace {
 constexpr std::size_t longest_line = 1U << 20U;
 constexpr std::string_view byte_order_mark = "\xEF\xBB\xBF";
 
-std::string_view trimmed(std::string_view field) {
-  while (!field.empty() && (field.front() == ' ' || field.front() == '\t')) field.remove_prefix(1);
-  while (!field.empty() && (field.back() == ' ' || field.back() == '\t')) field.remove_suffix(1);
-  return field;
-}
-
 template <class Number>
 std::optional<Number> parse(std::string_view field) {
   field = trimmed(field);
@@ -56,14 +50,35 @@ std::optional<std::int64_t> parse_integer(std::string_view field) {
   return parse<std::int64_t>(field);
 }
 
-void split_fields(std::string_view line, std::vector<std::string_view>& fields) {
+void split_fields(std::string_view line, std::vector<std::string_view>& fields, char separator) {
   fields.clear();
-  for (std::size_t comma = line.find(','); comma != std::string_view::npos;
-       comma = line.find(',')) {
-    fields.push_back(line.substr(0, comma));
-    line.remove_prefix(comma + 1);
+  for (std::size_t end = line.find(separator); end != std::string_view::npos;
+       end = line.find(separator)) {
+    fields.push_back(line.substr(0, end));
+    line.remove_prefix(end + 1);
   }
   fields.push_back(line);
+}
+
+void split_words(std::string_view line, std::vector<std::string_view>& words,
+                 std::string_view blanks) {
+  words.clear();
+  for (auto begin = line.find_first_not_of(blanks); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(blanks, begin), line.size());
+    words.push_back(line.substr(begin, end - begin));
+    begin = line.find_first_not_of(blanks, end);
+  }
+}
+
+std::string_view trimmed(std::string_view text, std::string_view blanks) {
+  text.remove_prefix(std::min(text.find_first_not_of(blanks), text.size()));
+  return text.substr(0, text.find_last_not_of(blanks) + 1);
+}
+
+std::string lower_case(std::string_view text) {
+  std::string lower(text);
+  for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  return lower;
 }
 
 // Position of the first of `characters` in the unread bytes, npos if there is none. `bytes`: the

@@ -1,5 +1,6 @@
 // Lines, fields and numbers of CSV files: comma-separated, without quotes, one header line. Numbers
-// are written with 17 significant digits, so that reading gives the same double.
+// are written with 17 significant digits, so that reading gives the same double. Also fields and
+// words of other text files.
 #pragma once
 
 #include <cstdint>
@@ -22,8 +23,18 @@ void append_number(std::string& text, std::int64_t value);
 std::optional<double> parse_double(std::string_view field);
 std::optional<std::int64_t> parse_integer(std::string_view field);
 
-/// Splits a line at its commas.
-void split_fields(std::string_view line, std::vector<std::string_view>& fields);
+/// Splits a line at its commas, or at another separator.
+void split_fields(std::string_view line, std::vector<std::string_view>& fields,
+                  char separator = ',');
+/// Splits a line at any number of blanks.
+void split_words(std::string_view line, std::vector<std::string_view>& words,
+                 std::string_view blanks = " \t");
+
+/// The text without blanks around it.
+std::string_view trimmed(std::string_view text, std::string_view blanks = " \t");
+
+/// ASCII letters in lower case.
+std::string lower_case(std::string_view text);
 
 /// Reads a text file line by line. Lines end with LF or CRLF, or with CR if the first line does. A
 /// UTF-8 byte order mark before the first line is skipped.

@@ -1,7 +1,6 @@
 #include "sprag/detail/files/matrix_file.h"
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <optional>
@@ -10,36 +9,13 @@
 #include <system_error>
 #include <vector>
 
+#include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/text_lines.h"
 
 namespace sprag {
 namespace {
 
 constexpr std::string_view mark = "%%MatrixMarket";
-
-std::string_view without_blanks(std::string_view text) {
-  const std::size_t first = text.find_first_not_of(" \t");
-  if (first == std::string_view::npos) return text.substr(text.size());
-  return text.substr(first, text.find_last_not_of(" \t") - first + 1);
-}
-
-// Separator '\0': any number of blanks.
-void split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
-  fields.clear();
-  if (separator != '\0') {
-    while (true) {
-      const std::size_t end = line.find(separator);
-      fields.push_back(without_blanks(line.substr(0, end)));
-      if (end == std::string_view::npos) return;
-      line.remove_prefix(end + 1);
-    }
-  }
-  for (line = without_blanks(line); !line.empty();) {
-    const std::size_t end = std::min(line.find_first_of(" \t"), line.size());
-    fields.push_back(line.substr(0, end));
-    line = without_blanks(line.substr(end));
-  }
-}
 
 std::string shown(std::string_view text) {
   constexpr std::size_t longest = 30;
@@ -50,6 +26,7 @@ std::string shown(std::string_view text) {
 }
 
 double number(std::string_view field, const TextLines& lines) {
+  field = trimmed(field);
   std::string_view digits = field;
   if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-') digits.remove_prefix(1);
   double value = 0.0;
@@ -88,7 +65,11 @@ Eigen::MatrixXd rows_of(TextLines& lines, Eigen::Index largest) {
       const auto has = [&](char c) { return line.find(c) != std::string_view::npos; };
       separator = has(';') ? ';' : has(',') ? ',' : '\0';
     }
-    split(line, *separator, fields);
+    if (*separator == '\0') {
+      split_words(line, fields);
+    } else {
+      split_fields(line, fields, *separator);
+    }
     if (static_cast<Eigen::Index>(std::max(fields.size(), rows.size() + 1)) > largest) {
       lines.fail("is larger than " + std::to_string(largest) + " x " + std::to_string(largest));
     }
@@ -116,11 +97,9 @@ struct MarketHeader {
 };
 
 MarketHeader market_header(const TextLines& lines) {
-  std::string words(lines.line());
-  std::transform(words.begin(), words.end(), words.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string words = lower_case(lines.line());
   std::vector<std::string_view> fields;
-  split(words, '\0', fields);
+  split_words(words, fields);
   fields.resize(5);
   const auto must_be = [&](std::size_t i, std::initializer_list<std::string_view> allowed,
                            const char* text) {
@@ -140,7 +119,7 @@ Eigen::MatrixXd market_matrix(TextLines& lines, Eigen::Index largest) {
   std::vector<std::string_view> fields;
   const auto next = [&](std::size_t count, const std::string& what) {
     if (!lines.next_data("%")) lines.fail_whole("ends before " + what);
-    split(lines.line(), '\0', fields);
+    split_words(lines.line(), fields);
     if (fields.size() != count) {
       lines.fail("the line has " + std::to_string(fields.size()) + " fields; must have " +
                  std::to_string(count) + ": " + what);

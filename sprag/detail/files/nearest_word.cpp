@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <vector>
 
+#include "sprag/detail/files/csv.h"
+
 namespace sprag {
 
 namespace {
 
-char lower(char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; }
-
 // Number of insertions, deletions, replacements and swaps of neighbours that turn a into b
-// (restricted Damerau-Levenshtein distance); case is ignored.
+// (restricted Damerau-Levenshtein distance).
 std::size_t edit_distance(std::string_view a, std::string_view b) {
-  const auto same = [&](std::size_t i, std::size_t j) { return lower(a[i]) == lower(b[j]); };
+  const auto same = [&](std::size_t i, std::size_t j) { return a[i] == b[j]; };
   std::vector<std::vector<std::size_t>> distance(a.size() + 1,
                                                  std::vector<std::size_t>(b.size() + 1));
   for (std::size_t i = 0; i <= a.size(); ++i) distance[i][0] = i;
@@ -37,7 +37,7 @@ std::optional<std::string_view> nearest_word(std::string_view word,
   std::optional<std::string_view> best;
   std::size_t least = 0;
   for (const std::string_view candidate : candidates) {
-    const std::size_t distance = edit_distance(word, candidate);
+    const std::size_t distance = edit_distance(lower_case(word), lower_case(candidate));
     if (distance > std::max(word.size(), candidate.size()) / 3) continue;
     if (best && distance >= least) continue;
     best = candidate;

@@ -42,11 +42,7 @@ constexpr std::array<std::pair<std::string_view, const char*>, 6> kinds{
      {"\xFE\xFF", "a text in UTF-16"}}};
 constexpr std::size_t looked_at = 4000;  // bytes
 
-std::string_view without_blanks_or_quotes(std::string_view field) {
-  const auto first = field.find_first_not_of(" \t\"'");
-  if (first == std::string_view::npos) return {};
-  return field.substr(first, field.find_last_not_of(" \t\"'") - first + 1);
-}
+constexpr std::string_view blanks_and_quotes = " \t\"'";
 
 // Whether a line's commas are decimal ones between columns separated by blanks, as in "0,25 1,5".
 bool is_blank_separated(std::string_view line) {
@@ -70,14 +66,8 @@ char separator_of(std::string_view line) {
   return is_blank_separated(line) ? ' ' : ',';
 }
 
-std::string in_lower_case(std::string_view word) {
-  std::string lower(word);
-  for (char& c : lower) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-  return lower;
-}
-
 bool is_among(std::string_view word, std::string_view names) {
-  return !word.empty() && names.find(" " + in_lower_case(word) + " ") != std::string_view::npos;
+  return !word.empty() && names.find(" " + lower_case(word) + " ") != std::string_view::npos;
 }
 
 // Units per second of a unit of time; 0: an unknown length, none: not a unit of time.
@@ -96,7 +86,7 @@ std::string unit_in(const std::string& name) {
   if (begin == std::string::npos && name.size() <= 2) return {};
   begin = begin == std::string::npos ? 0 : name[begin] == ' ' ? begin + 4 : begin + 1;
   const std::string_view rest(name.data() + begin, name.size() - begin);
-  const std::string unit(without_blanks_or_quotes(rest.substr(0, rest.find_first_of("])"))));
+  const std::string unit(trimmed(rest.substr(0, rest.find_first_of("])")), blanks_and_quotes));
   return per_second(unit) ? unit : std::string();
 }
 
@@ -114,19 +104,11 @@ std::optional<std::string> unit_of_cell(const std::string& cell) {
 std::vector<std::string_view> split(std::string_view line, char separator) {
   std::vector<std::string_view> fields;
   if (separator == ' ') {
-    for (auto begin = line.find_first_not_of(' '); begin != std::string_view::npos;) {
-      const std::size_t end = std::min(line.find(' ', begin), line.size());
-      fields.push_back(line.substr(begin, end - begin));
-      begin = line.find_first_not_of(' ', end);
-    }
-    return fields;
+    split_words(line, fields, " ");
+  } else {
+    split_fields(line, fields, separator);
   }
-  while (true) {
-    const std::size_t end = line.find(separator);
-    fields.push_back(line.substr(0, end));
-    if (end == std::string_view::npos) return fields;
-    line.remove_prefix(end + 1);
-  }
+  return fields;
 }
 
 // A number with a decimal point, or a decimal comma if commas do not separate.
@@ -228,7 +210,7 @@ void RecordReader::read_names() {
   const auto cells = [&](const TextLines& line) {
     std::vector<std::string> result;
     for (const std::string_view field : split(line.line(), separator_)) {
-      result.emplace_back(without_blanks_or_quotes(field));
+      result.emplace_back(trimmed(field, blanks_and_quotes));
     }
     return result;
   };

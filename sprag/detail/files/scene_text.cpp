@@ -4,21 +4,21 @@
 #include <charconv>
 #include <cstdint>
 #include <cstdio>
+#include <initializer_list>
+#include <span>
+#include <utility>
 
+#include "sprag/detail/files/csv.h"
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/scene_file.h"
 
 namespace sprag {
 namespace {
 
-std::vector<std::string> parts_of(std::string_view path) {
-  std::vector<std::string> parts;
-  while (true) {
-    const auto dot = path.find('.');
-    parts.emplace_back(path.substr(0, dot));
-    if (dot == std::string_view::npos) return parts;
-    path.remove_prefix(dot + 1);
-  }
+std::vector<std::string_view> parts_of(std::string_view path) {
+  std::vector<std::string_view> parts;
+  split_fields(path, parts, '.');
+  return parts;
 }
 
 toml::table parsed(std::string_view text, const std::string& file) {
@@ -31,7 +31,7 @@ toml::table parsed(std::string_view text, const std::string& file) {
   }
 }
 
-const toml::node* child(const toml::node& node, const std::string& part) {
+const toml::node* child(const toml::node& node, std::string_view part) {
   if (const toml::table* table = node.as_table()) return table->get(part);
   const toml::array* array = node.as_array();
   std::size_t index = 0;
@@ -42,10 +42,9 @@ const toml::node* child(const toml::node& node, const std::string& part) {
   return array->get(index - 1);
 }
 
-const toml::node* find(const toml::table& root, const std::vector<std::string>& parts,
-                       std::size_t count) {
+const toml::node* find(const toml::table& root, std::span<const std::string_view> parts) {
   const toml::node* node = &root;
-  for (std::size_t i = 0; node != nullptr && i < count; ++i) node = child(*node, parts[i]);
+  for (std::size_t i = 0; node != nullptr && i < parts.size(); ++i) node = child(*node, parts[i]);
   return node;
 }
 
@@ -85,18 +84,14 @@ std::size_t end_of(std::string_view text, const toml::table& table) {
   return end;
 }
 
-Edit added(std::string_view text, const toml::table& table, const std::string& key,
+Edit added(std::string_view text, const toml::table& table, std::string_view key,
            const std::string& value) {
   const std::size_t end = end_of(text, table);
-  if (table.is_inline()) return {end, end, ", " + key + " = " + value};
-  std::size_t line_end = text.find('\n', end);
-  if (line_end == std::string_view::npos) line_end = text.size();
-  return {line_end, line_end, "\n" + key + " = " + value};
+  const std::string entry = std::string(key) + " = " + value;
+  if (table.is_inline()) return {end, end, ", " + entry};
+  const std::size_t line_end = std::min(text.find('\n', end), text.size());
+  return {line_end, line_end, "\n" + entry};
 }
-
-}  // namespace
-
-namespace {
 
 std::string with_edits(std::string_view text, std::vector<Edit> edits) {
   std::stable_sort(edits.begin(), edits.end(),
@@ -136,21 +131,22 @@ std::string with_values(std::string_view text, const std::vector<SceneValue>& va
   std::string end;
   std::string table_at_end;
   for (const SceneValue& value : values) {
-    const std::vector<std::string> parts = parts_of(value.path);
-    if (const toml::node* node = find(root, parts, parts.size())) {
+    const std::vector<std::string_view> parts = parts_of(value.path);
+    if (const toml::node* node = find(root, parts)) {
       const toml::source_region& at = node->source();
       edits.push_back({offset(text, at.begin), offset(text, at.end), written(value)});
       continue;
     }
-    const toml::node* parent = find(root, parts, parts.size() - 1);
+    const toml::node* parent = find(root, std::span(parts).first(parts.size() - 1));
     if (parent != nullptr && parent->is_table()) {
       edits.push_back(added(text, *parent->as_table(), parts.back(), written(value)));
       continue;
     }
     if (parts.size() != 2) throw SceneError(file, "has no " + value.path);
-    if (table_at_end != parts.front()) end += "\n[" + parts.front() + "]\n";
-    table_at_end = parts.front();
-    end += parts.back() + " = " + written(value) + "\n";
+    const std::string table(parts.front()), key(parts.back());
+    if (table_at_end != table) end += "\n[" + table + "]\n";
+    table_at_end = table;
+    end += key + " = " + written(value) + "\n";
   }
   std::string edited = with_edits(text, std::move(edits));
   if (!end.empty() && !edited.empty() && edited.back() != '\n') edited += '\n';
@@ -254,22 +250,18 @@ std::string with_files_from(std::string_view text, const std::filesystem::path& 
 
 bool is_text(std::string_view text, std::string_view path, const std::string& file) {
   const toml::table root = parsed(text, file);
-  const std::vector<std::string> parts = parts_of(path);
-  const toml::node* node = find(root, parts, parts.size());
+  const toml::node* node = find(root, parts_of(path));
   return node != nullptr && node->is_string();
 }
 
 bool has_key(std::string_view text, std::string_view path, const std::string& file) {
-  const toml::table root = parsed(text, file);
-  const std::vector<std::string> parts = parts_of(path);
-  return find(root, parts, parts.size()) != nullptr;
+  return find(parsed(text, file), parts_of(path)) != nullptr;
 }
 
 double number_of(std::string_view text, std::string_view path, double fallback,
                  const std::string& file) {
   const toml::table root = parsed(text, file);
-  const std::vector<std::string> parts = parts_of(path);
-  const toml::node* node = find(root, parts, parts.size());
+  const toml::node* node = find(root, parts_of(path));
   return node != nullptr ? node->value<double>().value_or(fallback) : fallback;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "sprag/detail/files/csv.h"
+
 namespace sprag {
 namespace {
 
@@ -42,10 +44,7 @@ bool has_one(std::string_view key, const std::array<Word, n>& words) {
 }  // namespace
 
 std::optional<std::string> unsupported_key(std::string_view path, std::string_view key) {
-  std::string lower(key);
-  std::transform(lower.begin(), lower.end(), lower.begin(), [](char c) {
-    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  });
+  const std::string lower = lower_case(key);
   if (has_one(lower, friction_words)) {
     return "is not supported: contacts are frictionless, with a normal force alone. Leave the key "
            "out if friction is small; otherwise the model does not describe this machine";
