@@ -56,7 +56,6 @@ void add(std::string& text, std::string_view key, const Value& value) {
 }
 
 void add_harmonic(std::string& text, const Harmonic& harmonic) {
-  if (!is_given(harmonic)) return;
   add(text, "amplitude", harmonic.amplitude);
   add(text, "frequency", harmonic.frequency);
   add(text, "phase", harmonic.phase);
@@ -87,20 +86,15 @@ void add_force(std::string& text, const Force& force) {
   text += "\n[[force]]\n";
   add(text, "direction", force.direction);
   add(text, "constant", force.constant);
-  add_harmonic(text, force.harmonic);
+  if (is_given(force.harmonic)) add_harmonic(text, force.harmonic);
   if (force.input) add_record(text, *force.input);
 }
 
 // The motion e(t) of a frame, without its influence.
 void add_frame_motion(std::string& text, const Scene& scene, const Harmonic& motion,
                       const SampledInputPointer& input) {
-  if (!input) {
-    add(text, "amplitude", motion.amplitude);
-    add(text, "frequency", motion.frequency);
-    add(text, "phase", motion.phase);
-    return;
-  }
-  add_harmonic(text, motion);
+  if (!input || is_given(motion)) add_harmonic(text, motion);
+  if (!input) return;
   text += std::string("quantity = ") +
           (input->settings().displacement ? "\"displacement\"\n" : "\"acceleration\"\n");
   add_record(text, *input);

@@ -7,30 +7,25 @@
 
 namespace sprag {
 
-/// \brief The folder of shipped scenes of the installation, or of the build tree, that contains
-/// `file`.
-/// \param file a program or a module; its parent folders are searched for share/sprag/scenes
-///   (CMAKE_INSTALL_DATADIR in place of share)
-/// \return the absolute path, with links resolved; empty if there is no such folder
+/// The folder of shipped scenes of the installation, or of the build tree, that contains the
+/// program or module `file`: its parent folders are searched for share/sprag/scenes
+/// (CMAKE_INSTALL_DATADIR in place of share). The absolute path, with links resolved; empty if
+/// there is no such folder.
 std::filesystem::path shipped_scenes(const std::filesystem::path& file);
 
-/// \brief The scene file of a name in a folder.
-/// \param name the name of a .toml file of `folder`, with or without this ending
-/// \param folder the folder to search; empty: none
-/// \return the file; empty if there is none
+/// The .toml file of this name, with or without its ending, in a folder; empty if there is none, or
+/// no folder.
 std::filesystem::path shipped_file(const std::string& name, const std::filesystem::path& folder);
 
-/// \brief The file that an argument SCENE names.
-/// \param given a path, or a name for shipped_file()
-/// \param folder the folder to search; empty: none
-/// \return `given` if it is a file (or a pipe) or contains a slash, else the shipped file of this
-///   name; `given` if there is none
+/// The file that an argument SCENE names, a path or a name for shipped_file(): `given` if it is a
+/// file (or a pipe) or contains a slash, else the shipped file of this name; `given` if there is
+/// none.
 std::filesystem::path find_scene(const std::filesystem::path& given,
                                  const std::filesystem::path& folder);
 
-/// \brief Explains why find_scene() found no file: the folder searched, and the nearest names.
-/// \return a text to follow "NAME: cannot be read: "; empty if `given` is a file or contains a
-///   slash, since its name is not searched then
+/// Why find_scene() found no file: the folder searched, and the nearest names. Follows "NAME:
+/// cannot be read: "; empty if `given` is a file or contains a slash, since its name is not
+/// searched then.
 std::string scene_not_found(const std::filesystem::path& given,
                             const std::filesystem::path& folder);
 

@@ -26,8 +26,7 @@ SceneError error_at(const std::string& file, const toml::source_position& positi
 
 // Number of consecutive `c` at text[i].
 std::size_t run_of(char c, std::string_view text, std::size_t i) {
-  const std::size_t end = text.find_first_not_of(c, i);
-  return (end == std::string_view::npos ? text.size() : end) - i;
+  return std::min(text.find_first_not_of(c, i), text.size()) - i;
 }
 
 [[noreturn]] void fail_at_byte(std::string_view text, std::size_t i, const std::string& file,
@@ -102,10 +101,6 @@ std::string_view type_name(const toml::node& node) {
       break;
   }
   return "nothing";
-}
-
-std::string must_be(const toml::node& node, std::string_view wanted) {
-  return " is " + std::string(type_name(node)) + "; must be " + std::string(wanted);
 }
 
 std::string described(const Limits& limits) {
@@ -229,7 +224,7 @@ void TomlTable::refuse_unknown_keys(TomlKeys keys) const {
 }
 
 double TomlTable::number(std::string_view key, const Limits& limits) const {
-  return checked_number(required(key), path_of(key), limits);
+  return number_at(required(key), path_of(key), limits);
 }
 
 double TomlTable::number_or(std::string_view key, double fallback, const Limits& limits) const {
@@ -239,7 +234,7 @@ double TomlTable::number_or(std::string_view key, double fallback, const Limits&
 int TomlTable::integer(std::string_view key, int low, int high) const {
   const toml::node& node = required(key);
   const auto* integer = node.as_integer();
-  if (!integer) fail(key, must_be(node, "an integer").substr(1));
+  if (!integer) fail_type(node, path_of(key), "an integer");
   const std::int64_t value = integer->get();
   if (value < low || value > high) {
     fail(key, "is " + std::to_string(value) + "; must be in " + std::to_string(low) + ".." +
@@ -251,7 +246,7 @@ int TomlTable::integer(std::string_view key, int low, int high) const {
 bool TomlTable::boolean_or(std::string_view key, bool fallback) const {
   if (!has(key)) return fallback;
   const toml::node& node = required(key);
-  if (!node.is_boolean()) fail(key, must_be(node, "true or false").substr(1));
+  if (!node.is_boolean()) fail_type(node, path_of(key), "true or false");
   return node.as_boolean()->get();
 }
 
@@ -261,7 +256,7 @@ std::string TomlTable::string_or(std::string_view key, const std::string& fallba
 
 std::string TomlTable::required_string(std::string_view key) const {
   const toml::node& node = required(key);
-  if (!node.is_string()) fail(key, must_be(node, "a string").substr(1));
+  if (!node.is_string()) fail_type(node, path_of(key), "a string");
   return node.as_string()->get();
 }
 
@@ -281,14 +276,14 @@ Eigen::VectorXd TomlTable::vector(std::string_view key) const {
 Eigen::VectorXd TomlTable::numbers(std::string_view key) const {
   const toml::node& node = required(key);
   if (node.is_array() || node.is_string()) return checked_vector(node, path_of(key));
-  return Eigen::VectorXd::Constant(1, checked_number(node, path_of(key), any_number));
+  return Eigen::VectorXd::Constant(1, number_at(node, path_of(key), any_number));
 }
 
 std::vector<std::string> TomlTable::strings(std::string_view key) const {
   const toml::array& array = checked_array(required(key), path_of(key), "an array of strings");
   std::vector<std::string> strings;
   for (std::size_t i = 0; i < array.size(); ++i) {
-    if (!array[i].is_string()) fail(key, i, must_be(array[i], "a string"));
+    if (!array[i].is_string()) fail_type(array[i], entry(path_of(key), i), "a string");
     strings.push_back(array[i].as_string()->get());
   }
   return strings;
@@ -329,16 +324,15 @@ Eigen::MatrixXd TomlTable::symmetric_matrix(std::string_view key) const {
 }
 
 std::optional<TomlTable> TomlTable::table(std::string_view key, TomlKeys keys) const {
-  if (!has(key)) return std::nullopt;
-  const toml::node& node = required(key);
-  if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
-  return TomlTable(*node.as_table(), path_of(key), *source_, keys);
+  std::optional<TomlTable> found = open_table(key);
+  if (found) found->refuse_unknown_keys(keys);
+  return found;
 }
 
 std::optional<TomlTable> TomlTable::open_table(std::string_view key) const {
   if (!has(key)) return std::nullopt;
   const toml::node& node = required(key);
-  if (!node.is_table()) fail(key, must_be(node, "a table").substr(1));
+  if (!node.is_table()) fail_type(node, path_of(key), "a table");
   return TomlTable(*node.as_table(), path_of(key), *source_);
 }
 
@@ -353,9 +347,7 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key, TomlKeys keys) co
   const toml::array& array =
       checked_array(required(key), path, "an array of tables, [[" + std::string(key) + "]]");
   for (std::size_t i = 0; i < array.size(); ++i) {
-    if (!array[i].is_table()) {
-      fail_at(array[i].source().begin, entry(path, i) + must_be(array[i], "a table"));
-    }
+    if (!array[i].is_table()) fail_type(array[i], entry(path, i), "a table");
     result.emplace_back(*array[i].as_table(), entry(path, i), *source_, keys);
   }
   return result;
@@ -384,10 +376,10 @@ const toml::node& TomlTable::required(std::string_view key) const {
   return *table_->get(key);
 }
 
-double TomlTable::checked_number(const toml::node& node, const std::string& path,
-                                 const Limits& limits) const {
+double TomlTable::number_at(const toml::node& node, const std::string& path,
+                            const Limits& limits) const {
   const toml::source_position position = node.source().begin;
-  if (!node.is_number()) fail_at(position, path + must_be(node, "a number"));
+  if (!node.is_number()) fail_type(node, path, "a number");
   const double value = node.is_integer() ? static_cast<double>(node.as_integer()->get())
                                          : node.as_floating_point()->get();
   if (!std::isfinite(value)) fail_at(position, path + " is " + to_text(value) + "; must be finite");
@@ -399,7 +391,7 @@ double TomlTable::checked_number(const toml::node& node, const std::string& path
 
 const toml::array& TomlTable::checked_array(const toml::node& node, const std::string& path,
                                             std::string_view wanted) const {
-  if (!node.is_array()) fail_at(node.source().begin, path + must_be(node, wanted));
+  if (!node.is_array()) fail_type(node, path, wanted);
   return *node.as_array();
 }
 
@@ -417,7 +409,7 @@ Eigen::VectorXd TomlTable::checked_vector(const toml::node& node, const std::str
   const toml::array& array = checked_array(node, path, "an array of numbers");
   Eigen::VectorXd vector(static_cast<Eigen::Index>(array.size()));
   for (std::size_t i = 0; i < array.size(); ++i) {
-    vector(static_cast<Eigen::Index>(i)) = checked_number(array[i], entry(path, i), any_number);
+    vector(static_cast<Eigen::Index>(i)) = number_at(array[i], entry(path, i), any_number);
   }
   return vector;
 }
@@ -454,7 +446,8 @@ Eigen::MatrixXd TomlTable::of_file(const toml::node& node, const std::string& pa
 
 void TomlTable::fail_type(const toml::node& node, const std::string& path,
                           std::string_view wanted) const {
-  fail_at(node.source().begin, path + must_be(node, wanted));
+  fail_at(node.source().begin,
+          path + " is " + std::string(type_name(node)) + "; must be " + std::string(wanted));
 }
 
 void TomlTable::fail_at(const toml::source_position& position, const std::string& message) const {

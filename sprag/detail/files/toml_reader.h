@@ -62,9 +62,7 @@ class TomlTable {
   double number(std::string_view key, const Limits& limits) const;
   double number_or(std::string_view key, double fallback, const Limits& limits) const;
   /// The same for a value whose dotted path is `path`.
-  double number_at(const toml::node& node, const std::string& path, const Limits& limits) const {
-    return checked_number(node, path, limits);
-  }
+  double number_at(const toml::node& node, const std::string& path, const Limits& limits) const;
   int integer(std::string_view key, int low, int high) const;
   bool boolean_or(std::string_view key, bool fallback) const;
   std::string required_string(std::string_view key) const;
@@ -118,8 +116,6 @@ class TomlTable {
       : table_(&table), path_(std::move(path)), source_(&source) {}
   /// Throws "file:line:column: missing key path.key", at the table, if the key is absent.
   const toml::node& required(std::string_view key) const;
-  double checked_number(const toml::node& node, const std::string& path,
-                        const Limits& limits) const;
   const toml::array& checked_array(const toml::node& node, const std::string& path,
                                    std::string_view wanted) const;
   Eigen::VectorXd checked_vector(const toml::node& node, const std::string& path) const;
