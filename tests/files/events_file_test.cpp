@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "sprag/detail/files/events_writer.h"
+#include "tests/files/scene_texts.h"
 #include "tests/support/temporary_directory.h"
 
 namespace sprag {
@@ -126,14 +127,7 @@ TEST_F(EventsFileTest, ContradictoryRowsAreSkipped) {
 // Such a file belongs to another machine, or counts contacts from 0.
 TEST_F(EventsFileTest, AContactOrAFlagOutOfRangeIsAnError) {
   const auto error_of = [&](const std::string& row) {
-    try {
-      read("1,1,1\n" + row);
-    } catch (const InputError& error) {
-      const std::string name = (directory_ / "events.csv").string();
-      EXPECT_TRUE(std::string_view(error.what()).starts_with(name)) << error.what();
-      return std::string(error.what()).substr(name.size());
-    }
-    return std::string("no error");
+    return message_of([&] { read("1,1,1\n" + row); }, (directory_ / "events.csv").string());
   };
   const std::string allowed = "; must be in 1..3, the contacts of the scene, counted from 1";
   EXPECT_EQ(error_of("2,0,1\n"), ":3:3: contact is 0" + allowed);

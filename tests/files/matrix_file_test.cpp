@@ -24,14 +24,8 @@ class MatrixFile : public testing::Test {
   Eigen::MatrixXd read(const std::string& text, const std::string& name = "a.csv") {
     return read_matrix_file(write_text(directory_ / name, text));
   }
-  /// Without the folder.
   std::string error(const std::string& text, const std::string& name = "a.csv") {
-    try {
-      read(text, name);
-    } catch (const Error& error) {
-      return std::string(error.what()).substr((directory_ / "").string().size());
-    }
-    return "no error";
+    return message_of([&] { read(text, name); }, (directory_ / "").string());
   }
   test::TemporaryDirectory directory_;
 };
@@ -124,17 +118,7 @@ class SceneOfFiles : public MatrixFile {
     return read_scene(write_text(directory_ / "x.toml", text));
   }
   std::string error_of_scene(const std::string& text) {
-    try {
-      scene(text);
-    } catch (const Error& error) {
-      std::string what = error.what();
-      const std::string folder = (directory_ / "").string();
-      for (auto at = what.find(folder); at != std::string::npos; at = what.find(folder)) {
-        what.erase(at, folder.size());
-      }
-      return what;
-    }
-    return "no error";
+    return message_of([&] { scene(text); }, (directory_ / "").string());
   }
 };
 

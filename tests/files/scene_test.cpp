@@ -172,13 +172,8 @@ TEST(Scene, StartOnSupportIsAcceptedDespiteRounding) {
 }
 
 TEST(SceneFile, UnreadableFilesAreNamed) {
-  const auto error_of_file = [](const std::filesystem::path& file) -> std::string {
-    try {
-      read_scene(file);
-    } catch (const SceneError& error) {
-      return error.what();
-    }
-    return "no error";
+  const auto error_of_file = [](const std::filesystem::path& file) {
+    return message_of([&] { read_scene(file); });
   };
   EXPECT_EQ(error_of_file("scenes/absent.toml"),
             "scenes/absent.toml: cannot be read: No such file or directory");

@@ -58,13 +58,23 @@ q = [0.1, 0.2]
 
 inline Scene parse(std::string_view text) { return parse_scene(text, "x.toml"); }
 
-inline std::string error_of(std::string_view text) {
+/// The message of the error that the action throws, without the folder.
+template <typename Action>
+std::string message_of(const Action& action, const std::string& folder = "") {
   try {
-    parse(text);
-  } catch (const SceneError& error) {
-    return error.what();
+    action();
+  } catch (const Error& error) {
+    std::string what = error.what();
+    while (!folder.empty() && what.find(folder) != std::string::npos) {
+      what.erase(what.find(folder), folder.size());
+    }
+    return what;
   }
   return "no error";
+}
+
+inline std::string error_of(std::string_view text) {
+  return message_of([&] { parse(text); });
 }
 
 inline std::string replaced(std::string_view text, std::string_view from, std::string_view to) {
