@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <limits>
 
@@ -15,24 +14,10 @@ namespace sprag {
 
 namespace {
 
+constexpr std::string_view blanks = " \t";
 constexpr char any_blanks = ' ';  // as a separator: one or more blanks
 
-std::string lower(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return result;
-}
-
-bool names_time(std::string_view name) { return lower(name).starts_with("time"); }
-
-void split_at_blanks(std::string_view line, std::vector<std::string_view>& fields) {
-  fields.clear();
-  for (std::size_t begin = line.find_first_not_of(blanks); begin != std::string_view::npos;) {
-    const std::size_t end = std::min(line.find_first_of(blanks, begin), line.size());
-    fields.push_back(line.substr(begin, end - begin));
-    begin = line.find_first_not_of(blanks, end);
-  }
-}
+bool names_time(std::string_view name) { return lower_case(name).starts_with("time"); }
 
 /// Length of the field at the beginning of `text`, up to its separator; nullopt if a quote is not
 /// closed. A doubled quote closes and reopens the quotes, which gives the same length.
@@ -55,9 +40,9 @@ bool split_line(std::string_view line, char separator, std::vector<std::string_v
   while (true) {
     const auto length = field_length(line, separator);
     if (!length) return false;
-    std::string_view field = without_blanks(line.substr(0, *length));
+    std::string_view field = trimmed(line.substr(0, *length));
     if (field.size() >= 2 && field.front() == '"' && field.back() == '"')
-      field = without_blanks(field.substr(1, field.size() - 2));
+      field = trimmed(field.substr(1, field.size() - 2));
     fields.push_back(field);
     if (*length == line.size()) return true;
     line.remove_prefix(*length + 1);
@@ -132,7 +117,7 @@ struct GpioEdge {
 std::optional<GpioEdge> parse_gpiomon(std::string_view line) {
   std::vector<std::string_view> words;
   if (line.starts_with("event:")) {
-    split_at_blanks(line, words);
+    split_words(line, words);
     const bool complete = words.size() >= 7 && words[2] == "EDGE" && words[3] == "offset:" &&
                           words[5] == "timestamp:" && words.back().ends_with(']');
     if (!complete) return std::nullopt;
@@ -151,7 +136,7 @@ std::optional<GpioEdge> parse_gpiomon(std::string_view line) {
     edge.line.push_back(names.substr(quote + 1, names.rfind('"') - quote - 1));
     names = names.substr(0, quote);
   }
-  split_at_blanks(names, words);
+  split_words(names, words);
   edge.line.insert(edge.line.end(), words.begin(), words.end());
   return edge;
 }
@@ -222,7 +207,7 @@ bool LineParser::split(std::string_view line, std::size_t wanted) {
     if (wanted == 0 || fields_.size() == wanted || candidate == ',') return true;
   }
   separator_ = any_blanks;
-  split_at_blanks(line, fields_);
+  split_words(line, fields_);
   return true;
 }
 
@@ -231,7 +216,7 @@ bool LineParser::is_header() const {
   bool known = false;
   for (const std::string_view field : fields_) {
     if (parse_clock_time(field, DecimalMark::point_or_comma)) return false;
-    const std::string name = lower(field);
+    const std::string name = lower_case(field);
     known = known || name == "contact" || name == "level" || names_time(name) ||
             (!field.empty() && (field == options_.time || field == options_.input)) ||
             std::ranges::find(levels_, field, &LevelColumn::name) != levels_.end();
@@ -264,8 +249,9 @@ std::string LineParser::assign(const std::vector<std::string>& names) {
   }
   if (levels_.empty()) {
     const bool unique =
-        only([](const std::string& name) { return lower(name) == "contact"; }, roles.contact) &&
-        only([](const std::string& name) { return lower(name) == "level"; }, roles.level);
+        only([](const std::string& name) { return lower_case(name) == "contact"; },
+             roles.contact) &&
+        only([](const std::string& name) { return lower_case(name) == "level"; }, roles.level);
     if (!unique) return "there is more than one column 'contact' or 'level'";
     if (!roles.contact && options_.contacts > 1) {
       return "there is no column 'contact', and the scene has " +

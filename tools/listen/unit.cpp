@@ -4,6 +4,8 @@
 #include <array>
 #include <utility>
 
+#include "sprag/detail/files/csv.h"
+
 namespace sprag {
 
 namespace {
@@ -25,7 +27,7 @@ constexpr std::string_view without_a_name[] = {"min",  "minutes", "h",      "hou
                                                "days", "ticks",   "counts", "samples", "cycles"};
 
 std::optional<NamedUnit> as_unit(std::string_view text) {
-  text = without_blanks(text);
+  text = trimmed(text);
   if (text.empty()) return std::nullopt;
   for (const auto& [exponent, names] : units) {
     if (std::ranges::find(names, text) != names.end())
@@ -37,12 +39,6 @@ std::optional<NamedUnit> as_unit(std::string_view text) {
 }
 
 }  // namespace
-
-std::string_view without_blanks(std::string_view text) {
-  const std::size_t begin = text.find_first_not_of(blanks);
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(blanks) - begin + 1);
-}
 
 std::optional<Decimal> parse_unit(std::string_view text) {
   for (const auto& [exponent, names] : units) {
@@ -70,11 +66,11 @@ std::optional<NamedUnit> unit_in(std::string_view column) {
 }
 
 std::optional<NamedUnit> unit_of_cell(std::string_view cell) {
-  cell = without_blanks(cell);
+  cell = trimmed(cell);
   const bool in_brackets = (cell.starts_with('(') && cell.ends_with(')')) ||
                            (cell.starts_with('[') && cell.ends_with(']'));
   if (!in_brackets) return as_unit(cell);
-  const std::string_view inner = without_blanks(cell.substr(1, cell.size() - 2));
+  const std::string_view inner = trimmed(cell.substr(1, cell.size() - 2));
   return as_unit(inner).value_or(NamedUnit{std::string(inner), std::nullopt});
 }
 

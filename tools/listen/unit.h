@@ -9,11 +9,6 @@
 
 namespace sprag {
 
-inline constexpr std::string_view blanks = " \t";
-
-/// The text without blanks around it.
-std::string_view without_blanks(std::string_view text);
-
 /// "s", "ms", "us", "ns" or a finite number > 0, in seconds; nullopt for any other text.
 std::optional<Decimal> parse_unit(std::string_view text);
 
