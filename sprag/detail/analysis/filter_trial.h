@@ -25,8 +25,10 @@ struct FilterTrial {
   double known_from = std::numeric_limits<double>::infinity();
 
   bool ran() const { return duration > 0.0 && closings > 0; }
-  /// Whether the median ratio is below known_share.
-  bool follows() const { return ran() && left < known_share; }
+  /// Whether the median ratio is below known_share, and nearly all ratios from some time on.
+  bool follows() const {
+    return ran() && left < known_share && known_from < std::numeric_limits<double>::infinity();
+  }
 };
 
 /// Runs the filter from the replica's state of the scene, with its uncertainty, drift and jitter;
