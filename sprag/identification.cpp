@@ -4,7 +4,7 @@
 #include "sprag/detail/identification/fitted_scene.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 
@@ -22,7 +22,7 @@ Identification identify(const Scene& scene, std::span<const ContactEvent> events
   IdentificationSettings determinable = settings;
   std::vector<ClockAmbiguity> ambiguities;
   std::vector<FittedUnknown> held;
-  std::erase_if(determinable.unknowns, [&](const Unknown& unknown) {
+  std::erase_if(determinable.unknowns, [&](const Parameter& unknown) {
     const auto ambiguity = clock_ambiguity(scene, settings.unknowns, unknown);
     if (!ambiguity) return false;
     ambiguities.push_back(*ambiguity);

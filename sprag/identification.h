@@ -40,7 +40,7 @@ namespace sprag {
 
 /// \brief Parameters to identify, and properties of the recording.
 struct IdentificationSettings {
-  std::vector<Unknown> unknowns;     ///< parameters to identify; may be empty
+  std::vector<Parameter> unknowns;   ///< parameters to identify; may be empty
   std::optional<double> jitter;      ///< sigma of event times, >= 0 [s]; empty: estimated
   double begins = 0.0;               ///< the recording is complete from here on [s]
   ContactSet closed = 0;             ///< contacts that are closed at `begins`
@@ -54,7 +54,7 @@ struct IdentificationSettings {
   /// \brief Where no path explains the events, start from fewer parameters, and follow them with a
   /// larger scatter, for the reasons of a refusal.
   bool retry = true;
-  /// \brief Refuse values outside of Unknown::within, although the search covers a larger range.
+  /// \brief Refuse values outside of Parameter::within, although the search covers a larger range.
   bool strictly_within = true;
   /// \brief Called with what is being tried, before each attempt; may be empty.
   std::function<void(std::string_view)> progress = {};
@@ -62,7 +62,7 @@ struct IdentificationSettings {
 
 /// \brief Result for one parameter.
 struct FittedUnknown {
-  Unknown unknown;         ///< the parameter
+  Parameter unknown;       ///< the parameter
   double value = 0.0;      ///< identified value
   double sigma = 0.0;      ///< standard deviation
   bool determined = true;  ///< the events determine it; false: value and sigma are meaningless

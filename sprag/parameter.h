@@ -20,7 +20,7 @@ namespace sprag {
 
 /// \brief A parameter of a scene's machine: a number of the scene by its key, or a common factor or
 /// shift of several; and how a search treats it.
-struct Unknown {
+struct Parameter {
   std::string key = {};      ///< as in the scene file
   std::string unit = {};     ///< of its value
   double nominal = 0.0;      ///< value in the scene

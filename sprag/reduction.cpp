@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -155,8 +155,8 @@ VectorXd deviations(const MatrixXd& T, const VectorXd& sigma) {
 // Whether a key is of the same parameter in both scenes. Entries of C and K are of coordinates.
 bool is_same(const Scene& scene, const Scene& part, const std::string& key) {
   try {
-    const Unknown a = unknown_of(scene, key);
-    const Unknown b = unknown_of(part, key);
+    const Parameter a = parameter_of(scene, key);
+    const Parameter b = parameter_of(part, key);
     return a.unit == b.unit && a.nominal == b.nominal && !is_of_entry(key);
   } catch (const std::invalid_argument&) {
     return false;

@@ -71,7 +71,8 @@ struct Tolerance {
   friend bool operator==(const Tolerance&, const Tolerance&) = default;
 };
 
-/// \brief Parameters that identification may change (parameters/unknowns.h): [adapt] of a scene.
+/// \brief Parameters that identification may change (parameters/scene_parameters.h): [adapt] of a
+/// scene.
 struct Adaptation {
   std::vector<std::string> free;  ///< keys of parameters; empty: all that are identifiable
   /// \brief Largest relative error of each parameter: one value for all, or one for each of `free`.

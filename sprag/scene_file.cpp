@@ -18,7 +18,7 @@
 #include "sprag/detail/mechanics/definiteness.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/text/confidence_choices.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
@@ -667,7 +667,7 @@ void read_adaptation(const TomlTable& root, Scene& scene) {
   const std::vector<std::string>& keys = adaptation.free;
   for (std::size_t i = 0; i < keys.size(); ++i) {
     try {
-      unknown_of(scene, keys[i]);
+      parameter_of(scene, keys[i]);
     } catch (const std::invalid_argument& error) {
       table->fail("free", i, std::string(": ") + error.what());
     }

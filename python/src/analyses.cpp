@@ -301,9 +301,9 @@ void bind_diagnosis(py::module_& module) {
   value_class<Candidate>(module, "Candidate",
                          "A parameter that may be wrong, alone, and the value that explains the "
                          "events best.")
-      .get("key", "Key in the scene file.", &Candidate::parameter, &Unknown::key)
-      .get("unit", "Unit; may be empty.", &Candidate::parameter, &Unknown::unit)
-      .get("nominal", "Scene's value.", &Candidate::parameter, &Unknown::nominal)
+      .get("key", "Key in the scene file.", &Candidate::parameter, &Parameter::key)
+      .get("unit", "Unit; may be empty.", &Candidate::parameter, &Parameter::unit)
+      .get("nominal", "Scene's value.", &Candidate::parameter, &Parameter::nominal)
       .get("determined", "Whether the events determine it.", &Candidate::determined)
       .get("value", "The value; the scene's if not determined.", &Candidate::value)
       .get("sigma", "Its standard deviation.", &Candidate::deviation)

@@ -22,8 +22,8 @@
 #include "sprag/detail/files/shipped_scenes.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scale.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/detail/text/confidence_choices.h"
 #include "sprag/energy.h"
 #include "sprag/reduction.h"
@@ -362,7 +362,7 @@ std::shared_ptr<Scene> with_values(const Scene& scene,
     numbers[static_cast<Eigen::Index>(keys.size())] = required_finite(key.c_str(), number);
     keys.push_back(key);
   }
-  auto changed = std::make_shared<Scene>(with(scene, unknowns_named(scene, keys), numbers));
+  auto changed = std::make_shared<Scene>(with(scene, parameters_named(scene, keys), numbers));
   for (const Contact& contact : changed->model.contacts) {
     require_restitution(contact);
     require(!contact.w.isZero(0.0), "the direction of a contact must not be zero");
@@ -384,7 +384,7 @@ ParameterUncertainty uncertain(const Scene& scene, const std::map<std::string, d
   const auto P = static_cast<Eigen::Index>(sigmas.size());
   parameters.sigma.resize(P);
   for (const auto& [key, sigma] : sigmas) {
-    require(can_be_filtered(unknown_of(scene, key)), key + " cannot be a parameter of a filter");
+    require(can_be_filtered(parameter_of(scene, key)), key + " cannot be a parameter of a filter");
     parameters.sigma[std::ssize(parameters.keys)] = required_positive(key.c_str(), sigma);
     parameters.keys.push_back(key);
   }

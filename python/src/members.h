@@ -8,7 +8,7 @@
 #include "sprag/detail/analysis/diagnosis.h"
 #include "sprag/detail/estimates/predictor.h"
 #include "sprag/detail/identification/request.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 #include "sprag/observer.h"
 #include "sprag/reduction.h"
@@ -74,7 +74,7 @@ SPRAG_MEMBERS(estimate_t, session, utime, tick, t, f, q, u, closed, settled_tick
 SPRAG_MEMBERS(Finding, id, required, holds, what, change, provided)
 
 // ---- parameters
-SPRAG_MEMBERS(Unknown, key, unit, nominal, within, logarithmic, unit_step, relative, reach,
+SPRAG_MEMBERS(Parameter, key, unit, nominal, within, logarithmic, unit_step, relative, reach,
               lower_limit, upper_limit)
 SPRAG_MEMBERS(Candidate, parameter, determined, value, deviation, sensitivity, scatter, misfit,
               gain, explained, fits, improved_by)

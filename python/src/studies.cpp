@@ -29,8 +29,8 @@
 #include "sprag/detail/files/toml_reader.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/reduction.h"
 #include "sprag/sampled_input.h"
 #include "sprag/scene_file.h"
@@ -132,7 +132,7 @@ std::int64_t closings(const Truth& truth) {
 // The scene with a wrong parameter: by a share of its value, or where `logarithmic` is not set by
 // an amount. Throws ModelError if the parameter cannot have this value.
 Scene with_wrong(const Scene& scene, const std::string& key, double amount) {
-  const Unknown unknown = unknown_of(scene, key);
+  const Parameter unknown = parameter_of(scene, key);
   const double value =
       unknown.logarithmic ? unknown.nominal * (1.0 + amount) : unknown.nominal + amount;
   if (value < unknown.lower_limit || value > unknown.upper_limit) {
@@ -141,9 +141,9 @@ Scene with_wrong(const Scene& scene, const std::string& key, double amount) {
   return with(scene, unknown, value);
 }
 
-py::list parameters_of(const Scene& scene) {
+py::list list_parameters(const Scene& scene) {
   py::list parameters;
-  for (const Unknown& unknown : unknowns_of(scene)) {
+  for (const Parameter& unknown : parameters_of(scene)) {
     const bool factor = unknown.unit.empty() && unknown.nominal == 1.0;
     const std::string_view covered = tolerance_of(unknown);
     py::dict of;
@@ -273,7 +273,7 @@ void bind_studies(py::module_& module) {
       "seed"_a, "stream"_a, "count"_a, "Random numbers in [0, 1) for the axes.");
   module.def("_csv_fields", &csv_fields, "values"_a, "Each with a comma after it.");
 
-  module.def("_parameters_of", &parameters_of, "scene"_a);
+  module.def("_parameters_of", &list_parameters, "scene"_a);
   module.def("_with_wrong", &with_wrong, "scene"_a, "key"_a, "amount"_a,
              "The scene with a parameter off by a share of its value, or by an amount.");
 

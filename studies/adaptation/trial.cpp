@@ -26,10 +26,10 @@ double share(Random& draw, double least) {
 Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
   const SceneValues family(machine, trial.only.empty()
                                         ? unknowns_to_adapt(machine)
-                                        : std::vector{unknown_of(machine, trial.only)});
+                                        : std::vector{parameter_of(machine, trial.only)});
   Eigen::VectorXd values = nominal_values(family.unknowns());
   for (std::size_t k = 0; k < family.unknowns().size(); ++k) {
-    const Unknown& unknown = family.unknowns()[k];
+    const Parameter& unknown = family.unknowns()[k];
     double& value = values[static_cast<Eigen::Index>(k)];
     const double off = trial.off * share(draw, trial.only.empty() ? 0.5 : 1.0);
     if (quantity(unknown.key) == "phase") {
@@ -43,7 +43,7 @@ Scene wrong_scene(const Scene& machine, const Trial& trial, Random& draw) {
   }
   Scene scene = with(machine, family.unknowns(), values);
   scene.prior.jitter = trial.jitter;
-  const std::vector<Unknown> free = unknowns_to_adapt(scene);
+  const std::vector<Parameter> free = unknowns_to_adapt(scene);
   scene.prior.adaptation.within[0] = std::max(scene.prior.adaptation.within[0], trial.off);
   scene.prior.adaptation.walk.setZero(static_cast<Eigen::Index>(free.size()));
   for (std::size_t k = 0; k < free.size(); ++k) {
@@ -79,9 +79,9 @@ class MovingMaster {
   }
 
  private:
-  static std::vector<Unknown> unknowns(const Scene& scene, const Trial& trial) {
-    std::vector<Unknown> all;
-    for (const Move& move : trial.moves) all.push_back(unknown_of(scene, move.key));
+  static std::vector<Parameter> unknowns(const Scene& scene, const Trial& trial) {
+    std::vector<Parameter> all;
+    for (const Move& move : trial.moves) all.push_back(parameter_of(scene, move.key));
     return all;
   }
   int pieces() const { return trial_.moves.empty() ? 1 : 400; }

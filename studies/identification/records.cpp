@@ -241,11 +241,11 @@ double slowest_period(const std::vector<ContactEvent>& events) {
 
 // The scene of a user: each unknown is off by up to `share`, phases by up to a radian.
 Scene off(const Scene& scene, const std::vector<std::string>& keys, double share, Random& draw) {
-  const std::vector<Unknown> unknowns = unknowns_named(scene, keys);
+  const std::vector<Parameter> unknowns = parameters_named(scene, keys);
   Eigen::VectorXd values = nominal_values(unknowns);
   for (std::size_t k = 0; k < keys.size(); ++k) {
     double& value = values[static_cast<Eigen::Index>(k)];
-    const Unknown& unknown = unknowns[k];
+    const Parameter& unknown = unknowns[k];
     const double d = draw.uniform(-1.0, 1.0);
     if (quantity(unknown.key) == "phase") {
       value += d;
@@ -263,7 +263,7 @@ Scene off(const Scene& scene, const std::vector<std::string>& keys, double share
 double truth_of(const Scene& machine, const Scene& nominal, const std::string& key) {
   if (key == "system.C") return machine.model.C(0, 0) / nominal.model.C(0, 0);
   if (key == "system.K") return machine.model.K(0, 0) / nominal.model.K(0, 0);
-  return unknown_of(machine, key).nominal;
+  return parameter_of(machine, key).nominal;
 }
 
 void lose(std::vector<ContactEvent>& events, int count, Random& draw) {
@@ -397,9 +397,9 @@ Drawn drawn_machine(const std::string& kind, std::uint64_t trial, Random& draw) 
 
 std::vector<std::string> usual_keys(const Scene& scene) {
   std::vector<std::string> keys;
-  const std::vector<Unknown> all = unknowns_of(scene);
+  const std::vector<Parameter> all = parameters_of(scene);
   const bool one = all.front().key == "impact.restitution";
-  for (const Unknown& unknown : all) {
+  for (const Parameter& unknown : all) {
     const std::string_view of = quantity(unknown.key);
     const bool of_contact = of == "restitution" && unknown.key.starts_with("contact.");
     if (of == "amplitude" || of == "constant") continue;
@@ -409,7 +409,7 @@ std::vector<std::string> usual_keys(const Scene& scene) {
   return keys;
 }
 
-double error_of(const Unknown& unknown, double value, double truth) {
+double error_of(const Parameter& unknown, double value, double truth) {
   const double error = unknown.coordinate(value) - unknown.coordinate(truth);
   return quantity(unknown.key) == "phase" ? std::remainder(error, 2.0 * std::numbers::pi) : error;
 }
@@ -446,7 +446,7 @@ Record drawn(const std::string& kind, std::uint64_t trial) {
     add_spurious(d.events, spurious, static_cast<int>(d.machine.model.contacts.size()), draw);
     record.nominal = off(d.machine, d.keys, 0.1, draw);
     record.events = d.events;
-    record.settings.unknowns = unknowns_named(record.nominal, d.keys);
+    record.settings.unknowns = parameters_named(record.nominal, d.keys);
     if (trial % 2 == 0 && record.jitter > 0.0) record.settings.jitter = record.jitter;
     for (const std::string& key : d.keys) {
       record.truth.push_back(d.right ? truth_of(d.machine, record.nominal, key) : unknown_truth);

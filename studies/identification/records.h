@@ -27,7 +27,7 @@ extern const std::size_t right_kinds;
 std::vector<std::string> usual_keys(const Scene& scene);
 
 /// Error in the coordinate of the parameter.
-double error_of(const Unknown& unknown, double value, double truth);
+double error_of(const Parameter& unknown, double value, double truth);
 
 /// Record number `trial` of a kind. Redraws until the record has enough events.
 Record drawn(const std::string& kind, std::uint64_t trial);

@@ -21,7 +21,7 @@ struct Limits {
   bool (*stop)() = nullptr;  ///< asked when a signal arrives: true ends the child
 };
 
-/// Unknown figures are NaN.
+/// Parameter figures are NaN.
 struct Figures {
   ImpactScore impacts, early_impacts;  ///< up to the reference's horizon, and its `early`
   StateScore states, early_states;

@@ -15,7 +15,7 @@ class Results {
   /// cannot be written, as add() does.
   explicit Results(const std::filesystem::path& directory);
 
-  /// Adds a row; the file is complete when it returns. Unknown figures are empty fields.
+  /// Adds a row; the file is complete when it returns. Parameter figures are empty fields.
   void add(const std::string& scene, const Method& method, double setting,
            const Measurement& measurement);
 

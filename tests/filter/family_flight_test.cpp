@@ -33,13 +33,13 @@ Scene scene_of(std::string name) {
 }
 
 // With the gain of a record, which may set the scale.
-std::vector<Unknown> unknowns_of_flight(const Scene& scene) {
-  std::vector<Unknown> unknowns = unknowns_to_adapt(scene);
+std::vector<Parameter> unknowns_of_flight(const Scene& scene) {
+  std::vector<Parameter> unknowns = unknowns_to_adapt(scene);
   for (const RecordedInput& record : recorded_inputs(scene)) {
     const std::string gain = record.key + ".gain";
-    const auto has = [&](const Unknown& of) { return of.key == gain; };
+    const auto has = [&](const Parameter& of) { return of.key == gain; };
     if (std::none_of(unknowns.begin(), unknowns.end(), has)) {
-      unknowns.push_back(unknown_of(scene, gain));
+      unknowns.push_back(parameter_of(scene, gain));
     }
   }
   return unknowns;
@@ -53,7 +53,7 @@ TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
   SCOPED_TRACE(seed);
   Random random(seed);
   const Scene scene = scene_of(GetParam());
-  const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
+  const std::vector<Parameter> unknowns = unknowns_of_flight(scene);
   FamilyFlight flight(scene, unknowns), other(scene, unknowns);
   const Eigen::Index n = flight.n(), P = flight.unknowns();
   Eigen::VectorXd x(2 * n), c(P);
@@ -112,7 +112,7 @@ TEST(FamilyFlight, HoldsContactLikeMachine) {
                            "paper_beam_chatter@", "two_stops_beam@"}) {
     SCOPED_TRACE(name);
     const Scene scene = scene_of(name);
-    const std::vector<Unknown> unknowns = unknowns_of_flight(scene);
+    const std::vector<Parameter> unknowns = unknowns_of_flight(scene);
     FamilyFlight flight(scene, unknowns), moved(scene, unknowns);
     const Eigen::VectorXd c = Eigen::VectorXd::Zero(flight.unknowns());
     const std::vector<ContactEvent> events = test::events_of(scene, 20.0);
@@ -151,7 +151,7 @@ struct Both {
   ModelFlight of_model;
   FamilyFlight of_family;
 
-  Both(const Scene& scene, std::vector<Unknown> unknowns)
+  Both(const Scene& scene, std::vector<Parameter> unknowns)
       : of_model(std::make_shared<Flows>(scene.model)), of_family(scene, std::move(unknowns)) {}
 
   // (q, u) of each after a flight from a state, or after an impact.
@@ -246,7 +246,8 @@ TEST(FamilyFlight, EqualsExactFlowsOfDrawnMachines) {
 
 // By a parameter, through flights with held contacts and an impact: compared with the exact flows
 // of neighbouring machines.
-void expect_exact_derivatives(const Scene& scene, const Unknown& unknown, double tau, bool stays) {
+void expect_exact_derivatives(const Scene& scene, const Parameter& unknown, double tau,
+                              bool stays) {
   const double t = 0.4, step = 1e-5;
   const int contact = static_cast<int>(scene.model.contacts.size()) - 1;
   FamilyFlight flight(scene, {unknown});
@@ -278,21 +279,21 @@ TEST(FamilyFlight, DerivativesEqualDifferencesOfNeighbouringMachines) {
     SCOPED_TRACE(testing::Message() << "seed " << seed);
     Random random(seed);
     const Scene scene = impacting_scene(random);
-    std::vector<Unknown> unknowns = unknowns_of(scene);
-    for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
+    std::vector<Parameter> unknowns = parameters_of(scene);
+    for (Parameter& common : common_parameters(scene)) unknowns.push_back(std::move(common));
     // The exact flows have no negative damping.
-    if (scene.model.C(0, 0) > 0.0) unknowns.push_back(unknown_of(scene, "system.C.1.1"));
+    if (scene.model.C(0, 0) > 0.0) unknowns.push_back(parameter_of(scene, "system.C.1.1"));
     if (!scene.model.K.isZero(0.0)) {
-      unknowns.push_back(unknown_of(scene, "system.K.1.1"));
-      if (scene.model.coordinates() > 1) unknowns.push_back(unknown_of(scene, "system.K.1.2"));
+      unknowns.push_back(parameter_of(scene, "system.K.1.1"));
+      if (scene.model.coordinates() > 1) unknowns.push_back(parameter_of(scene, "system.K.1.2"));
     }
     for (const char* key : {"system.M.1.1", "contact.1.direction.1", "force.1.direction.1",
                             "force.1.frequency", "force.1.phase"}) {
-      if (scene_number(scene, key)) unknowns.push_back(unknown_of(scene, key));
+      if (scene_number(scene, key)) unknowns.push_back(parameter_of(scene, key));
     }
-    if (scene.model.coordinates() > 1) unknowns.push_back(unknown_of(scene, "system.M.1.2"));
+    if (scene.model.coordinates() > 1) unknowns.push_back(parameter_of(scene, "system.M.1.2"));
     const double tau = random.uniform(0.1, 1.0);
-    for (const Unknown& unknown : unknowns) {
+    for (const Parameter& unknown : unknowns) {
       expect_exact_derivatives(scene, unknown, tau, k % 3 == 0);
     }
   }
@@ -307,7 +308,7 @@ TEST(FamilyFlight, DerivativesIncludeWhatFollowsFromANumber) {
          {"beam.length", "beam.mass_per_length", "beam.damping_ratio.2", "system.M.1.1",
           "system.M.1.2", "excitation.influence.1", "contact.1.direction.2"}) {
       if (!scene_number(scene, key)) continue;
-      expect_exact_derivatives(scene, unknown_of(scene, key), 0.37, false);
+      expect_exact_derivatives(scene, parameter_of(scene, key), 0.37, false);
     }
   }
 }

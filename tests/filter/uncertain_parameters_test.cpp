@@ -137,7 +137,7 @@ struct Drawn {
 
 Drawn draw(const Scene& scene, Random& random, double duration) {
   Drawn drawn;
-  const std::vector<Unknown> unknowns = unknowns_named(scene, scene.prior.parameters.keys);
+  const std::vector<Parameter> unknowns = parameters_named(scene, scene.prior.parameters.keys);
   Eigen::VectorXd xi(scene.prior.parameters.size());
   for (double& x : xi) x = random.normal();
   drawn.values = nominal_values(unknowns) + scene.prior.parameters.root_of_covariance() * xi;

@@ -24,7 +24,7 @@ using test::shipped_scene;
 
 Scene wrong_beam() {
   Scene scene = shipped_scene("paper_beam");
-  const std::vector<Unknown> unknowns = unknowns_to_adapt(scene);
+  const std::vector<Parameter> unknowns = unknowns_to_adapt(scene);
   Eigen::VectorXd values = nominal_values(unknowns);
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     values[static_cast<Eigen::Index>(k)] += 0.05 * unknowns[k].slope(unknowns[k].nominal);

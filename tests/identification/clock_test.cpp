@@ -8,8 +8,8 @@
 #include "sprag/detail/identification/explanations.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 #include "tests/identification/ball.h"
 #include "tests/identification/fitted_unknown.h"
@@ -113,7 +113,7 @@ std::vector<ContactEvent> by_clock(std::vector<ContactEvent> events, const Conta
 Identification fit(const Scene& scene, const std::vector<ContactEvent>& events,
                    const std::vector<std::string>& keys, std::optional<double> jitter) {
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, keys);
+  settings.unknowns = parameters_named(scene, keys);
   settings.jitter = jitter;
   return identify(scene, events, settings);
 }
@@ -219,7 +219,7 @@ TEST(Clock, ScaledTimesMayBeThoseOfAnotherMachine) {
   const std::vector<std::string> all{"clock.rate", "beam.damping", "beam.bending_stiffness",
                                      "excitation.frequency"};
   const auto ambiguity = [](const Scene& scene, const std::vector<std::string>& keys) {
-    return clock_ambiguity(scene, unknowns_named(scene, keys), unknown_of(scene, keys.front()));
+    return clock_ambiguity(scene, parameters_named(scene, keys), parameter_of(scene, keys.front()));
   };
   ASSERT_TRUE(ambiguity(beam, all));
   EXPECT_EQ(

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <iostream>
 
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 #include "studies/common/random.h"
 #include "studies/identification/drifting.h"
@@ -25,8 +25,8 @@ std::optional<DriftEstimate> drift_of(const char* name, double drift, double jit
   constexpr double end = 60.0, push = 0.05;
   const Scene scene = shipped_scene(name);
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, identification_study::usual_keys(scene));
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
+  settings.unknowns = parameters_named(scene, identification_study::usual_keys(scene));
+  for (Parameter& unknown : settings.unknowns) unknown.within = 0.05;
   settings.jitter = given;
   settings.mend = false;
   const auto events = drifting_events(scene, drift, jitter, end, push, seed);
@@ -103,7 +103,7 @@ TEST(RestitutionTrend, IsEstimatedAtCorrectSize) {
   constexpr double jitter = 1e-5;
   const Scene scene = bouncing_ball();
   IdentificationSettings settings;
-  settings.unknowns = {unknown_of(scene, "impact.restitution")};
+  settings.unknowns = {parameter_of(scene, "impact.restitution")};
   for (const double trend : {-3e-4, 0.0}) {
     for (std::uint64_t seed = 1; seed <= 5; ++seed) {
       for (const std::optional<double> given : {std::optional<double>(), std::optional(jitter)}) {
@@ -130,7 +130,7 @@ TEST(RestitutionTrend, IsZeroBesideAScatteringRestitution) {
   constexpr double jitter = 1e-4, scatter = 3e-3;
   const Scene scene = bouncing_ball();
   IdentificationSettings settings;
-  settings.unknowns = {unknown_of(scene, "impact.restitution")};
+  settings.unknowns = {parameter_of(scene, "impact.restitution")};
   int scatters = 0;
   double squares = 0.0;
   int values = 0;

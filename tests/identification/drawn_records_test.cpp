@@ -9,7 +9,7 @@
 #include "sprag/detail/identification/gauss_newton.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 #include "studies/common/random.h"
 #include "studies/identification/records.h"

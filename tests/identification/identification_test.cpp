@@ -9,8 +9,8 @@
 
 #include "sprag/detail/identification/explanations.h"
 #include "sprag/detail/identification/verdict.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "studies/identification/records.h"
 #include "tests/identification/ball.h"
 #include "tests/support/jitter.h"
@@ -40,8 +40,8 @@ TEST(Identification, SigmasAreCalibratedAfterChatter) {
   const auto events = events_of(scene, 20.0);
   IdentificationSettings settings;
   settings.unknowns =
-      unknowns_named(scene, {"impact.restitution", "beam.damping", "beam.bending_stiffness"});
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.05;
+      parameters_named(scene, {"impact.restitution", "beam.damping", "beam.bending_stiffness"});
+  for (Parameter& unknown : settings.unknowns) unknown.within = 0.05;
   settings.jitter = jitter;
   settings.mend = false;
   double squares = 0.0;
@@ -89,8 +89,8 @@ std::vector<ContactEvent> jittered_events(const Scene& scene, double duration, u
 // The default parameters are known to 3 %.
 Identification mended(const Scene& scene, const std::vector<ContactEvent>& events) {
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.03;
+  settings.unknowns = parameters_named(scene, usual_keys(scene));
+  for (Parameter& unknown : settings.unknowns) unknown.within = 0.03;
   settings.jitter = jitter_of_mended;
   return identify(scene, events, settings);
 }
@@ -144,19 +144,19 @@ TEST_P(IdentificationOfScenes, FindsAllIdentifiableParameters) {
   const Scene machine = shipped_scene(GetParam());
   std::vector<std::string> keys = usual_keys(machine);
   if (GetParam() == std::string("lab_rig")) keys.insert(keys.end(), {"system.C.1.2"});
-  const std::vector<Unknown> of_machine = unknowns_named(machine, keys);
+  const std::vector<Parameter> of_machine = parameters_named(machine, keys);
   Eigen::VectorXd values = nominal_values(of_machine);
   std::mt19937_64 engine(1);
   std::uniform_real_distribution<double> share(-0.05, 0.05);
   for (Eigen::Index k = 0; k < values.size(); ++k) {
-    const Unknown& unknown = of_machine[static_cast<std::size_t>(k)];
+    const Parameter& unknown = of_machine[static_cast<std::size_t>(k)];
     values[k] = unknown.value(unknown.coordinate(values[k]) + share(engine));
   }
   const Scene wrong = with(machine, of_machine, values);
   std::vector<ContactEvent> events = events_of(machine, 100.0);
   if (events.size() > 100) events.resize(100);
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(wrong, keys);
+  settings.unknowns = parameters_named(wrong, keys);
   settings.jitter = 0.0;
   const Identification found = identify(wrong, events, settings);
   ASSERT_TRUE(found.fits()) << reason_of(found);
@@ -189,7 +189,7 @@ TEST(Identification, AnyNumberOfTheMachine) {
   for (const auto& [name, key] : cases) {
     SCOPED_TRACE(testing::Message() << name << ": " << key);
     const Scene scene = shipped_scene(name);
-    const std::vector<Unknown> unknowns = unknowns_named(scene, {key});
+    const std::vector<Parameter> unknowns = parameters_named(scene, {key});
     const double truth = unknowns[0].value(0.02);
     const std::vector<ContactEvent> events = events_of(with(scene, unknowns[0], truth), 30.0);
     IdentificationSettings settings;
@@ -205,7 +205,7 @@ TEST(Identification, AnyNumberOfTheMachine) {
 TEST(Identification, ADamperOfAnUndampedMachine) {
   Scene scene = shipped_scene("lab_rig");
   scene.model.C.setZero();
-  const std::vector<Unknown> unknowns = unknowns_named(scene, {"system.C.2.2"});
+  const std::vector<Parameter> unknowns = parameters_named(scene, {"system.C.2.2"});
   EXPECT_EQ(unknowns[0].coordinate(0.0), unknowns[0].lowest());
   const std::vector<ContactEvent> events = events_of(with(scene, unknowns[0], 0.8), 30.0);
   IdentificationSettings settings;
@@ -231,9 +231,9 @@ TEST(Identification, PathContinuesThroughSustainedContacts) {
        {Sustained{"paper_beam_chatter", "impact.restitution", 0.68, 30.0, 1e-5, 2},
         Sustained{"two_supports_beam", "contact.2.clearance", -0.125, 5.0, 0.0, 100}}) {
     const Scene scene = shipped_scene(of.scene);
-    const Scene machine = with(scene, unknown_of(scene, of.key), of.value);
+    const Scene machine = with(scene, parameter_of(scene, of.key), of.value);
     IdentificationSettings settings;
-    settings.unknowns = unknowns_named(scene, {of.key});
+    settings.unknowns = parameters_named(scene, {of.key});
     settings.jitter = of.jitter;
     const Identification found =
         identify(scene, in_order(events_of(machine, of.duration), of.jitter, 5), settings);
@@ -303,7 +303,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
                {"clock.offset", 0.07},       {"clock.offset", -0.2},
                {"excitation.frequency", 9.2}};
   for (const auto& of : cases) {
-    const std::vector<Unknown> unknowns = unknowns_named(scene, {of.key});
+    const std::vector<Parameter> unknowns = parameters_named(scene, {of.key});
     const Scene changed = with(scene, unknowns, Eigen::VectorXd::Constant(1, of.value));
     auto events = events_of(changed, 30.0);
     for (ContactEvent& event : events) {
@@ -320,7 +320,7 @@ TEST(Identification, CommonFactorsAndTheOffsetOfAClock) {
   auto events = events_of(scene, 30.0);
   for (ContactEvent& event : events) event.t += 0.02;
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, {"clock.offset"});
+  settings.unknowns = parameters_named(scene, {"clock.offset"});
   settings.jitter = 0.0;
   const Identification found = identify(scene, events, settings);
   EXPECT_TRUE(found.fits());
@@ -331,7 +331,7 @@ TEST(Identification, UnidentifiableParametersAreReported) {
   // One impact per period: the intervals are constant.
   const Scene scene = shipped_scene("impact_oscillator");
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  settings.unknowns = parameters_named(scene, usual_keys(scene));
   const Identification found = identify(scene, events_of(scene, 10.0), settings);
   EXPECT_TRUE(std::any_of(found.unknowns.begin(), found.unknowns.end(),
                           [](const FittedUnknown& fitted) { return !fitted.determined; }));
@@ -343,9 +343,9 @@ TEST(Identification, ExcludedMinimaDoNotRefuseAFit) {
   Scene machine = scene;
   machine.model.contacts[0].restitution = 0.5656721473;
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  settings.unknowns = parameters_named(scene, usual_keys(scene));
   for (const double within : {0.3, 0.5, 0.9}) {
-    for (Unknown& unknown : settings.unknowns) unknown.within = within;
+    for (Parameter& unknown : settings.unknowns) unknown.within = within;
     const Identification found = identify(scene, events_of(machine, 20.0), settings);
     EXPECT_TRUE(found.fits()) << "within " << within;
     EXPECT_LT(found.scatter, 1e-13);
@@ -356,7 +356,7 @@ TEST(Identification, ExcludedMinimaDoNotRefuseAFit) {
 TEST(Identification, TooFewImpactsAreReported) {
   const Scene scene = shipped_scene("paper_beam");
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(scene, usual_keys(scene));
+  settings.unknowns = parameters_named(scene, usual_keys(scene));
   EXPECT_THROW(identify(scene, events_of(scene, 4.0), settings), TooFewImpacts);
   EXPECT_THROW(identify(scene, {}, settings), TooFewImpacts);
 }
@@ -377,7 +377,7 @@ TEST(Identification, AMeasuredBall) {
   ASSERT_EQ(events.size(), 30U);
   IdentificationSettings settings;
   settings.unknowns =
-      unknowns_named(scene, {"impact.restitution", "system.C", "contact.1.clearance"});
+      parameters_named(scene, {"impact.restitution", "system.C", "contact.1.clearance"});
   settings.unknowns[1].within = 2.0;
   const Identification found = identify(scene, events, settings);
   ASSERT_TRUE(found.fits());
@@ -414,7 +414,7 @@ TEST(Identification, AnOptimumAtABoundIsOneSided) {
   const int runs = repetitions(20);
   for (int seed = 1; seed <= runs; ++seed) {
     IdentificationSettings settings;
-    settings.unknowns = unknowns_named(scene, {"impact.restitution", "system.C"});
+    settings.unknowns = parameters_named(scene, {"impact.restitution", "system.C"});
     settings.unknowns[1].within = 4.0;
     settings.jitter = jitter;
     const Identification found = identify(scene, in_order(exact, jitter, seed), settings);
@@ -469,14 +469,14 @@ TEST(Identification, OtherBeamsAreRefused) {
   std::vector<std::string> beams{"modes = 4\ndamping = 0.17"};
   std::vector<std::optional<double>> jitters{{}};
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(three, {"impact.restitution", "beam.damping"});
+  settings.unknowns = parameters_named(three, {"impact.restitution", "beam.damping"});
   settings.mend = false;
   if (thorough()) {
     beams.emplace_back("modes = 3\ndamping_ratio = 0.04");
     jitters.emplace_back(1e-4);
-    settings.unknowns = unknowns_named(three, usual_keys(three));
+    settings.unknowns = parameters_named(three, usual_keys(three));
   }
-  for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
+  for (Parameter& unknown : settings.unknowns) unknown.within = 0.1;
   for (const std::string& beam : beams) {
     const Scene other = parse_scene(
         "[beam]\n" + beam +
@@ -498,7 +498,7 @@ TEST(Identification, MotionWithUnobservableScaleIsNotAFit) {
   std::vector<ContactEvent> events;
   for (int k = 1; k < 80; ++k) events.push_back({0.3 * k, 0, ContactEventKind::pulse});
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(beam, usual_keys(beam));
+  settings.unknowns = parameters_named(beam, usual_keys(beam));
   settings.jitter = 1e-6;
   const Identification found = identify(beam, events, settings);
   EXPECT_EQ(found.problem, FitProblem::degenerate_orbit) << name_of(found.problem);
@@ -507,11 +507,11 @@ TEST(Identification, MotionWithUnobservableScaleIsNotAFit) {
 
 TEST(Explain, NamesSmallestExplainingSet) {
   const Scene scene = shipped_scene("paper_beam");
-  const auto all = unknowns_named(scene, usual_keys(scene));
+  const auto all = parameters_named(scene, usual_keys(scene));
   IdentificationSettings settings;
   settings.unknowns = all;
   const auto explained = [&](const std::vector<std::string>& keys, const Eigen::VectorXd& values) {
-    const auto events = events_of(with(scene, unknowns_named(scene, keys), values), 50.0);
+    const auto events = events_of(with(scene, parameters_named(scene, keys), values), 50.0);
     return explain(scene, events, settings, 0.0, identify(scene, events, settings));
   };
   const Explanations right = explained({}, {});

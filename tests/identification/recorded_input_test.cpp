@@ -10,7 +10,7 @@
 #include <random>
 
 #include "sprag/detail/identification/verdict.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 #include "tests/identification/fitted_unknown.h"
 #include "tests/support/random.h"
@@ -98,7 +98,7 @@ TEST(RecordedIdentification, FindsGainAndDelay) {
     const Scene given = with_input(
         truth, {t, values, {.interpolation = Interpolation::spline, .outside = Outside::hold}});
     IdentificationSettings settings;
-    settings.unknowns = unknowns_named(given, {"force.1.gain", "force.1.delay"});
+    settings.unknowns = parameters_named(given, {"force.1.gain", "force.1.delay"});
     settings.jitter = 1e-5;
     const Identification fit = identify(given, events, settings);
     ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << " scatter " << fit.scatter;
@@ -131,8 +131,8 @@ TEST_P(InterpolationError, IsPartOfTheDeviations) {
     }
     IdentificationSettings settings;
     settings.unknowns =
-        unknowns_named(given, {"impact.restitution", "system.C", "system.K", "force.1.delay"});
-    for (Unknown& unknown : settings.unknowns) unknown.within = 0.1;
+        parameters_named(given, {"impact.restitution", "system.C", "system.K", "force.1.delay"});
+    for (Parameter& unknown : settings.unknowns) unknown.within = 0.1;
     settings.mend = false;
     const Identification fit = identify(given, events_of(truth, 0.0, seed), settings);
     if (!fit.fits()) continue;
@@ -165,7 +165,7 @@ TEST_P(SampleNoise, IsPartOfTheDeviations) {
                  noise, &engine));
     IdentificationSettings settings;
     settings.unknowns =
-        unknowns_named(given, {"impact.restitution", "force.1.gain", "force.1.delay"});
+        parameters_named(given, {"impact.restitution", "force.1.gain", "force.1.delay"});
     settings.jitter = 1e-5;
     settings.mend = false;
     const Identification fit = identify(given, events_of(truth, 1e-5, seed), settings);
@@ -189,7 +189,7 @@ TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
   const Scene given = with_input(truth, *sampled(0.02, duration + 1.0, {.outside = Outside::hold}));
   const auto events = events_of(truth, 1e-7, seed);
   IdentificationSettings settings;
-  settings.unknowns = unknowns_named(given, {"impact.restitution"});
+  settings.unknowns = parameters_named(given, {"impact.restitution"});
   settings.jitter = 1e-7;
   settings.mend = false;
   const Identification fit = identify(given, events, settings);
@@ -245,7 +245,7 @@ TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
     const Scene given = with_record(record(dt, delay));
     IdentificationSettings settings;
     settings.unknowns =
-        unknowns_named(given, {"excitation.delay", "excitation.gain", "impact.restitution"});
+        parameters_named(given, {"excitation.delay", "excitation.gain", "impact.restitution"});
     settings.jitter = 1e-5;
     const Identification fit = identify(given, events, settings);
     ASSERT_TRUE(fit.fits()) << static_cast<int>(fit.problem) << ", scatter " << fit.scatter;
@@ -261,9 +261,9 @@ TEST(RecordedIdentification, KeysAndScale) {
   Random random(76);
   const Scene scene = shaken_rattle(random, 1);
   // The gain sets the scale, unless a clearance is known.
-  const auto has = [](const std::vector<Unknown>& unknowns, const std::string& key) {
+  const auto has = [](const std::vector<Parameter>& unknowns, const std::string& key) {
     return std::any_of(unknowns.begin(), unknowns.end(),
-                       [&](const Unknown& unknown) { return unknown.key == key; });
+                       [&](const Parameter& unknown) { return unknown.key == key; });
   };
   EXPECT_FALSE(has(all_but_the_scale(scene), "force.1.gain"));
   EXPECT_TRUE(has(all_but_the_scale(scene), "force.1.delay"));

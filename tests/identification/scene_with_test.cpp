@@ -20,9 +20,9 @@ constexpr const char* scenes[] = {"paper_beam",        "paper_beam_frame",  "two
                                   "two_supports_beam", "lab_rig",           "bouncing_ball",
                                   "non_proportional",  "impact_oscillator", "swept_beam"};
 
-std::vector<Unknown> all_of(const Scene& scene) {
-  std::vector<Unknown> all = unknowns_of(scene);
-  for (const Unknown& unknown : clock_unknowns(scene)) all.push_back(unknown);
+std::vector<Parameter> all_of(const Scene& scene) {
+  std::vector<Parameter> all = parameters_of(scene);
+  for (const Parameter& unknown : clock_parameters(scene)) all.push_back(unknown);
   return all;
 }
 
@@ -56,7 +56,7 @@ void expect_same_machine(const Model& a, const Model& b, const std::string& what
 TEST(SceneWith, NominalValuesGiveTheScene) {
   for (const char* name : scenes) {
     const Scene scene = shipped_scene(name);
-    for (const Unknown& unknown : all_of(scene)) {
+    for (const Parameter& unknown : all_of(scene)) {
       const Scene same = with(scene, unknown, unknown.nominal);
       expect_same_machine(same.model, scene.model, name + (": " + unknown.key));
       EXPECT_EQ(same.clock, scene.clock) << name << ": " << unknown.key;
@@ -69,7 +69,7 @@ TEST(SceneWith, TheValueIsReadBack) {
   for (const char* name : scenes) {
     const Scene scene = shipped_scene(name);
     const bool has_factors = name == std::string("non_proportional");
-    for (const Unknown& unknown : all_of(scene)) {
+    for (const Parameter& unknown : all_of(scene)) {
       if (has_factors && unknown.key.starts_with("excitation.")) continue;
       const double value = unknown.nominal != 0.0 ? 0.97 * unknown.nominal
                                                   : unknown.nominal + 0.1 * unknown.unit_step;
@@ -79,7 +79,7 @@ TEST(SceneWith, TheValueIsReadBack) {
       } else if (unknown.key == "system.C" || unknown.key == "beam.damping_ratio") {
         EXPECT_TRUE(is_near(changed.model.C, value * scene.model.C)) << name;
       } else {
-        EXPECT_NEAR(unknown_of(changed, unknown.key).nominal, value, 1e-14 * std::abs(value))
+        EXPECT_NEAR(parameter_of(changed, unknown.key).nominal, value, 1e-14 * std::abs(value))
             << name << ": " << unknown.key;
       }
     }
@@ -127,7 +127,7 @@ std::size_t numbers_equal_the_file(const std::string& given, const std::string& 
     // A number of several harmonics is in several places of the file.
     const bool is_one = has_key(text, key, path) && (scene_number(scene, key) || scene.beam);
     if (!is_one || (by_ratio && key.starts_with("system."))) continue;
-    const Unknown unknown = unknown_of(scene, key);
+    const Parameter unknown = parameter_of(scene, key);
     // No contact may be beyond the end of a beam.
     const double factor = key.ends_with(".position") ? 0.98 : 1.02;
     const double value = unknown.nominal == 0.0 ? 1e-3 : factor * unknown.nominal;
@@ -189,7 +189,7 @@ TEST(SceneWith, SeveralParametersAreThoseOfTheGivenScene) {
                                          "system.K.1.1"};
   Eigen::VectorXd values(5);
   values << 4.1, 3.0, 0.5, 0.9, 50.0;
-  const Model model = with(scene, unknowns_named(scene, keys), values).model;
+  const Model model = with(scene, parameters_named(scene, keys), values).model;
   EXPECT_EQ(model.forces[0].harmonic.frequency, 4.1);
   EXPECT_EQ(model.forces[0].harmonic.amplitude, 2.0);
   EXPECT_EQ(model.forces[1].harmonic.amplitude, 3.0);

@@ -66,9 +66,9 @@ TEST(FamilyFlight, DoesNotAllocate) {
         scene.model.C(0, 1) = scene.model.C(1, 0) = 0.3 * scene.model.C(0, 0);
         for (Contact& contact : scene.model.contacts) contact.curve.slope = -0.05;
       }
-      std::vector<Unknown> unknowns = unknowns_of(scene);
+      std::vector<Parameter> unknowns = parameters_of(scene);
       for (const char* key : {"system.M.1.2", "contact.1.direction.1", "beam.length"}) {
-        if (scene_number(scene, key)) unknowns.push_back(unknown_of(scene, key));
+        if (scene_number(scene, key)) unknowns.push_back(parameter_of(scene, key));
       }
       FamilyFlight flight(scene, unknowns);
       const Eigen::Index n2 = 2 * flight.n(), P = flight.unknowns();

@@ -26,7 +26,7 @@ using test::shipped_scene;
 
 /// The scene with the parameter changed.
 Scene changed(const Scene& scene, const std::string& key, double value) {
-  return with(scene, unknown_of(scene, key), value);
+  return with(scene, parameter_of(scene, key), value);
 }
 
 std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
@@ -264,9 +264,9 @@ TEST(Diagnose, LeavesLocalMinimumForGlobalOne) {
 }
 
 /// A parameter of the scene, and a value that is off by a few percent.
-std::pair<Unknown, double> random_mistake(Random& random, const Scene& scene) {
-  const std::vector<Unknown> parameters = unknowns_of(scene);
-  const Unknown& of = parameters[static_cast<std::size_t>(
+std::pair<Parameter, double> random_mistake(Random& random, const Scene& scene) {
+  const std::vector<Parameter> parameters = parameters_of(scene);
+  const Parameter& of = parameters[static_cast<std::size_t>(
       random.integer(0, static_cast<int>(parameters.size()) - 1))];
   const double share = (random.chance(0.5) ? 1.0 : -1.0) * random.log_uniform(0.01, 0.05);
   const double size = quantity(of.key) == "phase" ? 1.0
@@ -279,8 +279,8 @@ std::pair<Unknown, double> random_mistake(Random& random, const Scene& scene) {
 
 /// Whether two parameters together may have the effect of one: lengths, and restitutions of one
 /// contact and of all.
-bool can_be_one(const Unknown& a, const Unknown& b) {
-  const auto sizes = [](const Unknown& of) {
+bool can_be_one(const Parameter& a, const Parameter& b) {
+  const auto sizes = [](const Parameter& of) {
     return quantity(of.key) == "amplitude" || quantity(of.key) == "clearance";
   };
   return quantity(a.key) == quantity(b.key) || (sizes(a) && sizes(b));

@@ -441,9 +441,9 @@ TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
   EXPECT_NEAR(parameters.sigma[1] / json["parameters"][1]["sigma"].get<double>(), 1.0, 1e-9);
 }
 
-std::vector<std::string> keys_of(const std::vector<Unknown>& unknowns) {
+std::vector<std::string> keys_of(const std::vector<Parameter>& unknowns) {
   std::vector<std::string> keys;
-  for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
+  for (const Parameter& unknown : unknowns) keys.push_back(unknown.key);
   return keys;
 }
 

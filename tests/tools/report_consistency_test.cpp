@@ -11,7 +11,7 @@
 
 #include "sprag/detail/files/events_writer.h"
 #include "sprag/detail/identification/verdict.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/run.h"
@@ -358,7 +358,7 @@ void ReportConsistencyTest::check_written(const Ended& ended) {
     } else if (key == "system.C") {
       EXPECT_NEAR(fitted.model.C(0, 0), value * scene.model.C(0, 0), tolerance);
     } else if (quantity(key) != "phase") {
-      EXPECT_NEAR(unknown_of(fitted, key).nominal, value, tolerance);
+      EXPECT_NEAR(parameter_of(fitted, key).nominal, value, tolerance);
     }
   }
   if (report_["fits"] == false) {

@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -100,7 +100,7 @@ void write_parameters(const Scene& scene, nlohmann::ordered_json& object) {
   if (parameters.empty()) return;
   auto list = nlohmann::ordered_json::array();
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
-    const Unknown unknown = unknown_of(scene, parameters.keys[k]);
+    const Parameter unknown = parameter_of(scene, parameters.keys[k]);
     list.push_back({{"parameter", unknown.key},
                     {"unit", unknown.unit},
                     {"value", unknown.nominal},

@@ -40,7 +40,7 @@ void write_json(const Diagnosis& diagnosis, nlohmann::ordered_json& object) {
   for (const Candidate* tie : diagnosis.ties()) object["ties"].push_back(tie->parameter.key);
   object["parameters"] = nlohmann::ordered_json::array();
   for (const Candidate& candidate : diagnosis.candidates) {
-    const Unknown& parameter = candidate.parameter;
+    const Parameter& parameter = candidate.parameter;
     nlohmann::ordered_json entry{{"parameter", parameter.key}, {"unit", parameter.unit}};
     entry["nominal"] = parameter.nominal;
     entry["told"] = candidate.determined;

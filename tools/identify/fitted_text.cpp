@@ -8,7 +8,7 @@
 #include "sprag/detail/files/scene_writer.h"
 #include "sprag/detail/identification/fitted_tolerance.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/reduction.h"
 #include "sprag/scene_file.h"
 
@@ -195,7 +195,7 @@ void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& o
   }
 }
 
-bool is_of_matrix_entry(const Unknown& unknown) {
+bool is_of_matrix_entry(const Parameter& unknown) {
   return unknown.key.starts_with("system.") && is_of_entry(unknown.key);
 }
 

@@ -15,7 +15,7 @@ std::vector<double> numbers_of(const Eigen::VectorXd& v) { return {v.data(), v.d
 
 // The value at an end, -1 or 1, of the range within which the parameter is assumed. For a phase, an
 // offset or a clearance, which are not limited, it only is a scale.
-double of_range(const Unknown& unknown, int end) {
+double of_range(const Parameter& unknown, int end) {
   const double share = end < 0 ? -std::min(unknown.within, 0.9) : unknown.within;
   return unknown.value(unknown.logarithmic ? std::log1p(share) : share);
 }

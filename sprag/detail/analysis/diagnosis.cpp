@@ -8,8 +8,8 @@
 #include "sprag/detail/analysis/in_parallel.h"
 #include "sprag/detail/identification/search.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 #include "sprag/identification.h"
 
 namespace sprag {
@@ -40,12 +40,12 @@ int closings_of(std::span<const ContactEvent> events, int at_least) {
 // The parameters that may be wrong alone, with the range to search: up to 30 % off, a frequency 10
 // %, a damping 100 %. Several harmonics are taken together. The clock's offset is left out where it
 // is a phase, unless it is asked for.
-std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::string>& keys) {
-  const std::vector<Unknown> common = common_unknowns(scene);
+std::vector<Parameter> single_causes(const Scene& scene, const std::vector<std::string>& keys) {
+  const std::vector<Parameter> common = common_parameters(scene);
   const bool together = std::any_of(common.begin(), common.end(), is_common);
   const bool is_phase = only_frequency(scene.model) > 0.0;
-  std::vector<Unknown> causes = common;
-  for (Unknown& unknown : unknowns_of(scene)) {
+  std::vector<Parameter> causes = common;
+  for (Parameter& unknown : parameters_of(scene)) {
     const std::string_view of = quantity(unknown.key);
     const bool of_one = of == "amplitude" || of == "phase" || of == "frequency";
     if (of == "constant" || (together && of_one)) continue;
@@ -53,21 +53,21 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<std::st
   }
   if (!keys.empty()) {
     causes.clear();
-    for (const std::string& key : keys) causes.push_back(unknown_of(scene, key));
+    for (const std::string& key : keys) causes.push_back(parameter_of(scene, key));
   }
-  for (Unknown& unknown : causes) {
+  for (Parameter& unknown : causes) {
     const bool of_damping = tolerance_of(unknown) == "damping";
     unknown.within = of_damping ? 1.0 : quantity(unknown.key) == "frequency" ? 0.1 : 0.3;
   }
   if (!keys.empty()) return causes;
-  for (Unknown& of_clock : clock_unknowns(scene)) {
+  for (Parameter& of_clock : clock_parameters(scene)) {
     if (of_clock.key == "clock.rate" || !is_phase) causes.push_back(std::move(of_clock));
   }
   return causes;
 }
 
 // Whether the parameter alone sets the scale of the motion, so that events cannot determine it.
-bool is_the_scale(const Scene& scene, const Unknown& unknown) {
+bool is_the_scale(const Scene& scene, const Parameter& unknown) {
   if (!carries_scale(unknown)) return false;
   Model without = scene.model;
   for (const RecordedInput& record : recorded_inputs(scene)) {
@@ -80,7 +80,7 @@ bool is_the_scale(const Scene& scene, const Unknown& unknown) {
 }
 
 std::string rate_ambiguity(const Scene& scene) {
-  const Unknown rate = unknown_of(scene, "clock.rate");
+  const Parameter rate = parameter_of(scene, "clock.rate");
   const std::optional<ClockAmbiguity> ambiguity = clock_ambiguity(scene, {rate}, rate);
   return ambiguity ? to_text(*ambiguity) : std::string();
 }
@@ -111,14 +111,14 @@ class Judge {
 
   /// A fit with or without repairs of the events. Empty if no path follows them, or if there are
   /// too few.
-  std::optional<Identification> fit(std::vector<Unknown> unknowns, bool mend = false) const {
+  std::optional<Identification> fit(std::vector<Parameter> unknowns, bool mend = false) const {
     std::optional<Identification> fit = identified(std::move(unknowns), mend);
     return fit && follows(*fit) ? std::move(fit) : std::nullopt;
   }
 
   /// Fits of these sets of unknowns, on all cores; none of an empty set.
   std::vector<std::optional<Identification>> fits(
-      const std::vector<std::vector<Unknown>>& trials) const {
+      const std::vector<std::vector<Parameter>>& trials) const {
     std::vector<std::optional<Identification>> fits(trials.size());
     in_parallel(cores(), static_cast<int>(trials.size()), [&](int i) {
       const auto k = static_cast<std::size_t>(i);
@@ -128,7 +128,7 @@ class Judge {
   }
 
  private:
-  std::optional<Identification> identified(std::vector<Unknown> unknowns, bool mend) const {
+  std::optional<Identification> identified(std::vector<Parameter> unknowns, bool mend) const {
     IdentificationSettings settings = settings_;
     settings.unknowns = std::move(unknowns);
     settings.mend = mend;
@@ -171,7 +171,7 @@ double explained(double before, double left, double jitter) {
   return std::clamp(1.0 - (left * left - jitter * jitter) / all, 0.0, 1.0);
 }
 
-Candidate candidate_of(const Unknown& parameter, const std::optional<Identification>& fit,
+Candidate candidate_of(const Parameter& parameter, const std::optional<Identification>& fit,
                        const Identification& nominal, const Diagnosis& diagnosis) {
   Candidate candidate;
   candidate.parameter = parameter;
@@ -205,11 +205,11 @@ struct Found {
 };
 
 // Each parameter alone, the best first.
-std::vector<Found> try_each(const Scene& scene, const std::vector<Unknown>& parameters,
+std::vector<Found> try_each(const Scene& scene, const std::vector<Parameter>& parameters,
                             const Judge& judge, const Identification& nominal,
                             const Diagnosis& diagnosis) {
-  std::vector<std::vector<Unknown>> alone;
-  for (const Unknown& parameter : parameters) {
+  std::vector<std::vector<Parameter>> alone;
+  for (const Parameter& parameter : parameters) {
     alone.emplace_back();
     if (!is_the_scale(scene, parameter)) alone.back().push_back(parameter);
   }
@@ -227,11 +227,11 @@ std::vector<Found> try_each(const Scene& scene, const std::vector<Unknown>& para
 
 // The first parameter that makes the events much more likely together with the best one; else
 // empty. `sigma`: of the times [s], > 0, since exact times have no distribution to judge a gain by.
-std::string key_of_second(const Unknown& best, const Identification& fit,
-                          const std::vector<Unknown>& parameters, const Judge& judge,
+std::string key_of_second(const Parameter& best, const Identification& fit,
+                          const std::vector<Parameter>& parameters, const Judge& judge,
                           double sigma) {
-  std::vector<std::vector<Unknown>> pairs;
-  for (const Unknown& second : parameters) {
+  std::vector<std::vector<Parameter>> pairs;
+  for (const Parameter& second : parameters) {
     const bool same = quantity(second.key) == quantity(best.key) &&
                       (second.key == best.key || !second.key.starts_with("contact."));
     if (!same) pairs.push_back({best, second});
@@ -275,7 +275,7 @@ const Candidate* Diagnosis::phase() const {
 
 Diagnosis diagnose(const Scene& scene, std::span<const ContactEvent> events,
                    const DiagnosisSettings& settings) {
-  const std::vector<Unknown> parameters = single_causes(scene, settings.keys);
+  const std::vector<Parameter> parameters = single_causes(scene, settings.keys);
   const double jitter = settings.jitter;
   const int to_start = 2 * static_cast<int>(scene.model.coordinates());
   const int closings = closings_of(events, 1);

@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "sprag/contact_event.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/error.h"
 #include "sprag/identification.h"
 #include "sprag/scene.h"
@@ -27,7 +27,7 @@
 namespace sprag {
 
 struct Candidate {
-  Unknown parameter;
+  Parameter parameter;
   /// Whether the events determine the parameter. If false, `value` is the nominal one and `gain` is
   /// 0.
   bool determined = false;

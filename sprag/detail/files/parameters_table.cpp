@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "sprag/detail/mechanics/definiteness.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -20,7 +20,7 @@ struct Entry {
 
 bool is_parameter(const Scene& scene, const std::string& key) {
   try {
-    unknown_of(scene, key);
+    parameter_of(scene, key);
     return true;
   } catch (const std::invalid_argument&) {
     return false;
@@ -66,7 +66,7 @@ std::vector<Entry> entries_of(const TomlTable& table, const Scene& scene) {
 
 void check_key(const TomlTable& table, const Entry& entry, const Scene& scene) {
   try {
-    const Unknown unknown = unknown_of(scene, entry.key);
+    const Parameter unknown = parameter_of(scene, entry.key);
     if (!can_be_filtered(unknown)) {
       table.fail_at(entry.position,
                     table.path_of(entry.key) +
@@ -79,8 +79,8 @@ void check_key(const TomlTable& table, const Entry& entry, const Scene& scene) {
 }
 
 // Index of the parameter that an entry of a correlation names.
-Eigen::Index parameter_of(const TomlTable& table, const toml::node& node, const std::string& path,
-                          const std::vector<std::string>& keys) {
+Eigen::Index index_of(const TomlTable& table, const toml::node& node, const std::string& path,
+                      const std::vector<std::string>& keys) {
   const auto* key = node.as_string();
   if (key == nullptr) {
     table.fail_type(node, path, "the key of a parameter, in quotes");
@@ -117,8 +117,8 @@ void read_correlations(const TomlTable& table, ParameterUncertainty& parameters)
       table.fail_at(at, path + " has " + std::to_string(pair->size()) +
                             " entries; must have 3, [\"key\", \"other key\", number]");
     }
-    const Eigen::Index i = parameter_of(table, (*pair)[0], path + "[1]", parameters.keys);
-    const Eigen::Index j = parameter_of(table, (*pair)[1], path + "[2]", parameters.keys);
+    const Eigen::Index i = index_of(table, (*pair)[0], path + "[1]", parameters.keys);
+    const Eigen::Index j = index_of(table, (*pair)[1], path + "[2]", parameters.keys);
     const std::string& key = parameters.keys[static_cast<std::size_t>(i)];
     const std::string& other = parameters.keys[static_cast<std::size_t>(j)];
     if (i == j) {

@@ -34,7 +34,7 @@ OscillatorStep step_of(double c, double k, double tau) {
 
 }  // namespace
 
-FamilyFlight::FamilyFlight(const Scene& scene, std::vector<Unknown> unknowns)
+FamilyFlight::FamilyFlight(const Scene& scene, std::vector<Parameter> unknowns)
     : family_(scene, std::move(unknowns)),
       exponential_(first_record() + chain * std::ssize(family_.records())) {
   const Eigen::Index n2 = 2 * n();
@@ -81,13 +81,13 @@ void FamilyFlight::set(const ConstVector& c, bool derivatives) {
   if (c_ == c && (derivatives_ || !derivatives)) return;  // the machines are already set
   derivatives_ = derivatives;
   c_ = c;
-  const std::vector<Unknown>& all = family_.unknowns();
+  const std::vector<Parameter>& all = family_.unknowns();
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     values_[k] = all[static_cast<std::size_t>(k)].value(c[k]);
   }
   family_.set(values_, centre().machine, centre().machine);
   for (Eigen::Index k = 0; derivatives && k < unknowns(); ++k) {
-    const Unknown& unknown = all[static_cast<std::size_t>(k)];
+    const Parameter& unknown = all[static_cast<std::size_t>(k)];
     const double value = values_[k];
     for (int side = 0; side < 2; ++side) {
       Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];

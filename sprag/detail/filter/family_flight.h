@@ -28,7 +28,7 @@ namespace sprag {
 class FamilyFlight final : public Flight {
  public:
   /// Throws ModelError if M is not positive definite.
-  FamilyFlight(const Scene& scene, std::vector<Unknown> unknowns);
+  FamilyFlight(const Scene& scene, std::vector<Parameter> unknowns);
 
   Eigen::Index n() const override { return family_.n(); }
   Eigen::Index unknowns() const override { return std::ssize(family_.unknowns()); }

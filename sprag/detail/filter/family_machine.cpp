@@ -31,11 +31,11 @@ bool FamilyMachine::moves_like(const FamilyMachine& other) const {
          frequencies == other.frequencies && forces == other.forces && motions == other.motions;
 }
 
-FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Unknown> unknowns)
+FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Parameter> unknowns)
     : values_(scene, std::move(unknowns)), groups_(values_.groups()) {
   const Model& model = scene.model;
   // A harmonic with a frequency of its own is a group of its own.
-  for (const Unknown& unknown : this->unknowns()) {
+  for (const Parameter& unknown : this->unknowns()) {
     const auto has_group = [&](const HarmonicGroup& group) {
       return unknown.key.starts_with(group.key + '.');
     };
@@ -83,7 +83,7 @@ FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Unknown> unkn
   constexpr double aside = 0.01;  // in coordinates
   FamilyMachine other = nominal_;
   for (Eigen::Index k = 0; k < values.size(); ++k) {
-    const Unknown& unknown = this->unknowns()[static_cast<std::size_t>(k)];
+    const Parameter& unknown = this->unknowns()[static_cast<std::size_t>(k)];
     values[k] = unknown.value(aside);
     set(values, nominal_, other);
     values[k] = unknown.nominal;

@@ -40,10 +40,10 @@ struct FamilyMachine {
 class FamilyOfMachines {
  public:
   /// Throws ModelError if M is not positive definite.
-  FamilyOfMachines(const Scene& scene, std::vector<Unknown> unknowns);
+  FamilyOfMachines(const Scene& scene, std::vector<Parameter> unknowns);
 
   const Scene& scene() const { return values_.nominal(); }
-  const std::vector<Unknown>& unknowns() const { return values_.unknowns(); }
+  const std::vector<Parameter>& unknowns() const { return values_.unknowns(); }
   const std::vector<RecordedInput>& records() const { return values_.records(); }
   Eigen::Index n() const { return V_.rows(); }
   int contacts() const { return static_cast<int>(scene().model.contacts.size()); }

@@ -30,9 +30,9 @@ constexpr double least_sigma = 1e-6;
 // a period of the slowest.
 constexpr double looks_a_period = 16.0, most_looks = 256.0;
 
-std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Unknown>& unknowns) {
+std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Parameter>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
-  for (const Unknown& unknown : unknowns) keys->push_back(unknown.key);
+  for (const Parameter& unknown : unknowns) keys->push_back(unknown.key);
   return keys;
 }
 
@@ -57,8 +57,8 @@ FilterModel model_of(const Scene& scene, const Flight& flight, bool from_prior) 
 
 // Throws ModelError if the filter cannot estimate these. `where`: the table or key of the scene
 // that lists them.
-void check(const std::vector<Unknown>& unknowns, const std::string& where) {
-  for (const Unknown& unknown : unknowns) {
+void check(const std::vector<Parameter>& unknowns, const std::string& where) {
+  for (const Parameter& unknown : unknowns) {
     if (can_be_filtered(unknown)) continue;
     throw ModelError(where + ": " + unknown.key +
                      " is of the contact clock, which a filter cannot estimate");
@@ -76,7 +76,7 @@ SceneFilter::SceneFilter(const Scene& scene, std::shared_ptr<Flows> flows)
   set_up(scene);
 }
 
-SceneFilter::SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior)
+SceneFilter::SceneFilter(const Scene& scene, std::vector<Parameter> unknowns, bool from_prior)
     : family(std::make_unique<SceneValues>(scene, unknowns)),
       flight(std::make_unique<FamilyFlight>(scene, std::move(unknowns))),
       filter(*flight, model_of(scene, *flight, from_prior)),
@@ -86,7 +86,7 @@ SceneFilter::SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool
   if (from_prior) {
     prior = scene.prior.parameters.root_of_covariance();
     for (Eigen::Index k = 0; k < prior.rows(); ++k) {
-      const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
+      const Parameter& unknown = family->unknowns()[static_cast<std::size_t>(k)];
       prior.row(k) /= unknown.slope(unknown.nominal);
     }
   }
@@ -134,7 +134,7 @@ void SceneFilter::set_up(const Scene& scene) {
 void SceneFilter::set_prior(FilterBelief& belief) const {
   const Eigen::Index P = prior.rows(), n2 = 2 * flight->n();
   for (Eigen::Index k = 0; k < P; ++k) {
-    const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
+    const Parameter& unknown = family->unknowns()[static_cast<std::size_t>(k)];
     belief.z[n2 + k] = unknown.coordinate(unknown.nominal);
   }
   belief.S.bottomRows(P).setZero();
@@ -211,7 +211,7 @@ void SceneFilter::fill_deviations(double t, const FilterBelief& of, Confidence& 
 void SceneFilter::fill_parameters(double t, const FilterBelief* of,
                                   ParameterEstimates& parameters) const {
   for (Eigen::Index k = 0; k < parameters.values.size(); ++k) {
-    const Unknown& unknown = family->unknowns()[static_cast<std::size_t>(k)];
+    const Parameter& unknown = family->unknowns()[static_cast<std::size_t>(k)];
     if (of == nullptr) {
       parameters.values[k] = unknown.nominal;
       parameters.sigmas[k] = infinity;

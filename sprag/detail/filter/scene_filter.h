@@ -27,7 +27,7 @@ struct SceneFilter {
   ///                    gives their first estimate
   ///
   /// \throws ModelError  if an unknown is of the contact clock, or if there is none
-  SceneFilter(const Scene& scene, std::vector<Unknown> unknowns, bool from_prior);
+  SceneFilter(const Scene& scene, std::vector<Parameter> unknowns, bool from_prior);
 
   /// Sets mean and covariance of the parameters to their prior.
   void set_prior(FilterBelief& belief) const;

@@ -33,7 +33,7 @@ TrackingEstimator::TrackingEstimator(const Scene& scene, double h, EstimatorKind
     filter_ = std::make_unique<SceneFilter>(scene, unknowns_to_adapt(scene), false);
   } else if (!scene.prior.parameters.empty()) {
     filter_ = std::make_unique<SceneFilter>(
-        scene, unknowns_named(scene, scene.prior.parameters.keys), true);
+        scene, parameters_named(scene, scene.prior.parameters.keys), true);
   } else {
     // The replica, whose flows these are, outlives the filter.
     filter_ = std::make_unique<SceneFilter>(

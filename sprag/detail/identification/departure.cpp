@@ -149,7 +149,7 @@ class Departures {
 
 }  // namespace
 
-Departure estimate_departure(const Scene& scene, const std::vector<Unknown>& unknowns,
+Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& unknowns,
                              GaussNewton& solver, const EventFit& fit,
                              const DepartureScale& scale) {
   Departure departure;

@@ -20,7 +20,7 @@ struct DepartureScale {
 
 /// Estimates the departures of a fit, accepted or not. Those of a restitution only if the
 /// restitution was sought.
-Departure estimate_departure(const Scene& scene, const std::vector<Unknown>& unknowns,
+Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& unknowns,
                              GaussNewton& solver, const EventFit& fit, const DepartureScale& scale);
 
 /// Includes a likely drift or scatter in the standard deviations of the unknowns.

@@ -5,13 +5,13 @@
 #include "sprag/detail/identification/repaired_events.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
 
 // Whether a change of the clock may appear as a change of the parameter.
-bool follows_clock(const Unknown& unknown, const Unknown& of_clock) {
+bool follows_clock(const Parameter& unknown, const Parameter& of_clock) {
   const std::string_view of = quantity(unknown.key);
   if (of_clock.key == "clock.offset") return of == "phase";
   // A fit without the clock may take the shift of the first impacts as a phase, and scale F / r^2.
@@ -20,7 +20,7 @@ bool follows_clock(const Unknown& unknown, const Unknown& of_clock) {
 
 // Wald's test: whether the parameters that are not sought are far from nominal, by their
 // covariance.
-bool contradicts(const Identification& fit, const std::vector<Unknown>& all,
+bool contradicts(const Identification& fit, const std::vector<Parameter>& all,
                  const std::vector<std::size_t>& sought) {
   constexpr double contradiction = 1e4;  // of chi^2; far beyond the error of the linearization
   std::vector<Eigen::Index> others;
@@ -71,7 +71,7 @@ Explanations explain(const Scene& scene, std::span<const ContactEvent> events,
   of.mend = false;
   of.retry = false;
   const std::vector<ContactEvent> used = used_events(events, all_fitted, of.guessed);
-  const std::vector<Unknown>& all = settings.unknowns;
+  const std::vector<Parameter>& all = settings.unknowns;
   const auto judge = [&](const std::vector<std::size_t>& sought) {
     if (contradicts(all_fitted, all, sought)) return;
     of.unknowns.clear();

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "sprag/detail/identification/judgement.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -20,9 +20,9 @@ constexpr double close_in_sigmas = 6.0, close_if_given = 1e-6, close_in_interval
 // Scatter about a path that follows the events roughly, in usual intervals.
 constexpr double roughly = 0.02;
 
-std::string keys_of(const std::vector<Unknown>& unknowns) {
+std::string keys_of(const std::vector<Parameter>& unknowns) {
   std::string keys;
-  for (const Unknown& unknown : unknowns) keys += (keys.empty() ? "" : ", ") + unknown.key;
+  for (const Parameter& unknown : unknowns) keys += (keys.empty() ? "" : ", ") + unknown.key;
   return keys.empty() ? "the start alone" : keys;
 }
 
@@ -106,7 +106,7 @@ class Fitter {
   }
 
   // Reports what is tried.
-  std::function<void(std::size_t)> progress(const std::vector<Unknown>& unknowns) const {
+  std::function<void(std::size_t)> progress(const std::vector<Parameter>& unknowns) const {
     const auto& report = context_.settings.progress;
     if (!report) return {};
     return [&report, tried = keys_of(unknowns), all = record_.events](std::size_t events) {
@@ -118,7 +118,7 @@ class Fitter {
   // Coordinates of all parameters where one of them alone, or none, explains the record.
   std::vector<VectorXd> from_fewer(std::optional<double> jitter, bool changes, double neglected) {
     std::vector<VectorXd> starts;
-    const std::vector<Unknown>& all = context_.settings.unknowns;
+    const std::vector<Parameter>& all = context_.settings.unknowns;
     for (std::size_t k = 0; k <= all.size(); ++k) {
       IdentificationSettings settings = context_.settings;
       settings.unknowns.clear();

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 // The standard deviation in the unit of the key in the written scene.
 double sigma_in(const Scene& written, const FittedUnknown& of) {
   if (!of.unknown.relative || of.value == 0.0) return of.sigma;
-  return of.sigma * std::abs(unknown_of(written, of.unknown.key).nominal / of.value);
+  return of.sigma * std::abs(parameter_of(written, of.unknown.key).nominal / of.value);
 }
 
 bool is_considered(const ParameterUncertainty& before, const std::string& key) {

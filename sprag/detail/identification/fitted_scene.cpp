@@ -13,7 +13,7 @@ namespace {
 
 // Undetermined parameters keep the values of the scene.
 Scene with_determined(const Scene& scene, const Identification& fit) {
-  std::vector<Unknown> unknowns;
+  std::vector<Parameter> unknowns;
   std::vector<double> values;
   for (const FittedUnknown& of : fit.unknowns) {
     if (!of.determined) continue;

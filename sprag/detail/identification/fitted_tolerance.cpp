@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 Tolerance fitted_tolerance(const Identification& fit, double jitter) {

@@ -126,7 +126,7 @@ std::vector<double> EventFit::residuals() const {
   return all;
 }
 
-GaussNewton::GaussNewton(const Scene& scene, const std::vector<Unknown>& unknowns,
+GaussNewton::GaussNewton(const Scene& scene, const std::vector<Parameter>& unknowns,
                          bool strictly_within)
     : flight_(scene, unknowns), n_(flight_.n()), P_(flight_.unknowns()) {
   Scene drifting = scene;
@@ -140,7 +140,7 @@ GaussNewton::GaussNewton(const Scene& scene, const std::vector<Unknown>& unknown
   high_ = -low_;
   scale_.setOnes(P_);
   for (Index k = 0; k < P_; ++k) {
-    const Unknown& unknown = unknowns[static_cast<std::size_t>(k)];
+    const Parameter& unknown = unknowns[static_cast<std::size_t>(k)];
     low_[k] = unknown.lowest();
     high_[k] = unknown.highest();
     if (unknown.reach > 0.0 || !unknown.relative || is_of_clock(unknown)) continue;

@@ -68,7 +68,7 @@ inline constexpr std::array linear_causes{Cause::restitution_by_speed, Cause::fr
 class GaussNewton {
  public:
   /// Throws ModelError if M is not positive definite.
-  GaussNewton(const Scene& scene, const std::vector<Unknown>& unknowns, bool strictly_within);
+  GaussNewton(const Scene& scene, const std::vector<Parameter>& unknowns, bool strictly_within);
 
   /// Nothing sets the scale of the motion: the first impact of a stretch has speed 1.
   void fix_speed() { fixes_speed_ = true; }

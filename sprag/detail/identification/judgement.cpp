@@ -10,8 +10,8 @@
 #include "sprag/detail/identification/record_errors.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/detail/parameters/unknowns.h"
 
 namespace sprag {
 namespace {
@@ -121,7 +121,7 @@ class Judge {
   void put_verdict(Identification& result);
 
   const SearchContext* context_;
-  const std::vector<Unknown>* unknowns_;
+  const std::vector<Parameter>* unknowns_;
   GaussNewton* solver_;
   const FitSearch* search_;
   const std::vector<Chain>* chains_;
@@ -179,7 +179,7 @@ void Judge::compare(const EventFit& other) {
 // The unknown that ends at or beyond its range; -1: none.
 int Judge::bound() const {
   for (Index k = 0; k < deviations_.size(); ++k) {
-    const Unknown& unknown = (*unknowns_)[static_cast<std::size_t>(k)];
+    const Parameter& unknown = (*unknowns_)[static_cast<std::size_t>(k)];
     const double c = fit_->point.c[k], value = unknown.value(c);
     if (!is_determined(k)) continue;
     const bool end = c <= solver_->low()[k] + 1e-9 || c >= solver_->high()[k] - 1e-9;
@@ -212,7 +212,7 @@ bool Judge::lacks_scale() const {
   const Model& model = context_->scene.model;
   const double interval = context_->record.interval;
   double inputs = 0.0, speed = 0.0;
-  const Eigen::LLT<MatrixXd> M(model.M);
+  const CholeskyFactor M(model.M);
   for (const Contact& contact : model.contacts) {
     inputs = std::max({inputs, std::abs(contact.clearance), std::abs(contact.motion.amplitude)});
     const VectorXd by_force = M.solve(contact.w);
@@ -338,7 +338,7 @@ void Judge::put_unknowns(Identification& result) const {
   result.covariance = fit_->covariance * (variance_ / square(fit_->sigma));
   const MatrixXd& covariance = result.covariance;
   for (Index k = 0; k < P; ++k) {
-    const Unknown& unknown = (*unknowns_)[static_cast<std::size_t>(k)];
+    const Parameter& unknown = (*unknowns_)[static_cast<std::size_t>(k)];
     const double c = fit_->point.c[k], deviation = deviations_[k];
     FittedUnknown fitted{.unknown = unknown, .value = unknown.value(c)};
     if (quantity(unknown.key) == "phase") {

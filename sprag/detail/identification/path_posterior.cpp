@@ -87,7 +87,7 @@ FilterBelief path_posterior(const SceneValues& family, const FilterModel& model,
   const Eigen::VectorXd& c = fit.point.c;
   FilterBelief belief = filter.no_belief();
   for (Eigen::Index k = 0; k < c.size(); ++k) {
-    const Unknown& unknown = family.unknowns()[static_cast<std::size_t>(k)];
+    const Parameter& unknown = family.unknowns()[static_cast<std::size_t>(k)];
     belief.S(n2 + k, n2 + k) = unknown.logarithmic ? wide_share * unknown.within : 1.0;
   }
   belief.z.tail(c.size()) = c;

@@ -10,7 +10,7 @@
 
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
@@ -78,7 +78,7 @@ struct Refit {
 
 class RecordTrials {
  public:
-  RecordTrials(const Scene& scene, const std::vector<Unknown>& unknowns, bool strictly_within,
+  RecordTrials(const Scene& scene, const std::vector<Parameter>& unknowns, bool strictly_within,
                const EventFit& optimum)
       : scene_(&scene),
         unknowns_(&unknowns),
@@ -106,7 +106,7 @@ class RecordTrials {
 
  private:
   const Scene* scene_;
-  const std::vector<Unknown>* unknowns_;
+  const std::vector<Parameter>* unknowns_;
   bool strictly_within_;
   const EventFit* optimum_;
   State start_;
@@ -180,7 +180,7 @@ State state_at_start(FamilyFlight& flight, const EventFit& fit) {
   return start;
 }
 
-RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Unknown>& unknowns,
+RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Parameter>& unknowns,
                                     bool strictly_within, const EventFit& optimum, double sigma) {
   RecordErrors errors;
   if (recorded_inputs(scene).empty()) return errors;

@@ -18,7 +18,7 @@ namespace sprag {
 State state_at_start(FamilyFlight& flight, const EventFit& fit);
 
 /// `sigma`: standard deviation of event times [s].
-RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Unknown>& unknowns,
+RecordErrors estimate_record_errors(const Scene& scene, const std::vector<Parameter>& unknowns,
                                     bool strictly_within, const EventFit& optimum, double sigma);
 
 }  // namespace sprag

@@ -5,16 +5,16 @@
 
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/parameters/clock_ambiguity.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
 
 constexpr double largest_within = 10.0;
 
-bool contains(const std::vector<Unknown>& unknowns, const std::string& key) {
+bool contains(const std::vector<Parameter>& unknowns, const std::string& key) {
   return std::any_of(unknowns.begin(), unknowns.end(),
-                     [&](const Unknown& unknown) { return unknown.key == key; });
+                     [&](const Parameter& unknown) { return unknown.key == key; });
 }
 
 void check_within(double within) {
@@ -23,18 +23,18 @@ void check_within(double within) {
 }
 
 // The unknowns that may be wrong alone: the sought ones and the one that is held for its scale.
-std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown>& sought) {
-  std::vector<Unknown> causes = sought;
-  const std::vector<Unknown> all = unknowns_of(scene);
+std::vector<Parameter> single_causes(const Scene& scene, const std::vector<Parameter>& sought) {
+  std::vector<Parameter> causes = sought;
+  const std::vector<Parameter> all = parameters_of(scene);
   // An amplitude is identifiable only if something else fixes the scale.
   const auto scales = std::count_if(all.begin(), all.end(), carries_scale);
-  for (const Unknown& unknown : all) {
+  for (const Parameter& unknown : all) {
     if (!contains(causes, unknown.key) && (!carries_scale(unknown) || scales > 1)) {
       causes.push_back(unknown);
     }
   }
   const bool one_frequency = harmonic_groups(scene).size() < 2;
-  for (const Unknown& unknown : clock_unknowns(scene)) {
+  for (const Parameter& unknown : clock_parameters(scene)) {
     const bool is_phase = unknown.key == "clock.offset" && one_frequency;
     if (!is_phase && !clock_ambiguity(scene, {}, unknown)) causes.push_back(unknown);
   }
@@ -43,25 +43,25 @@ std::vector<Unknown> single_causes(const Scene& scene, const std::vector<Unknown
 
 }  // namespace
 
-std::vector<Unknown> sought(const Scene& scene, const IdentifyRequest& request) {
-  std::vector<Unknown> unknowns;
+std::vector<Parameter> sought(const Scene& scene, const IdentifyRequest& request) {
+  std::vector<Parameter> unknowns;
   if (request.free) {
     for (const std::string& key : *request.free) {
-      if (!contains(unknowns, key)) unknowns.push_back(unknown_of(scene, key));
+      if (!contains(unknowns, key)) unknowns.push_back(parameter_of(scene, key));
     }
   } else {
     unknowns = all_but_the_scale(scene, request.known);
   }
   for (const std::string& key : request.known) {
-    unknown_of(scene, key);
+    parameter_of(scene, key);
     if (contains(unknowns, key)) throw std::invalid_argument("free and known both name " + key);
   }
   if (request.within) check_within(*request.within);
   for (const auto& [key, within] : request.within_of) {
-    unknown_of(scene, key);
+    parameter_of(scene, key);
     check_within(within);
   }
-  for (Unknown& unknown : unknowns) {
+  for (Parameter& unknown : unknowns) {
     const auto own = request.within_of.find(unknown.key);
     if (own != request.within_of.end()) {
       unknown.within = own->second;
@@ -72,9 +72,9 @@ std::vector<Unknown> sought(const Scene& scene, const IdentifyRequest& request) 
   return unknowns;
 }
 
-std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sought) {
+std::string held_for_scale(const Scene& scene, const std::vector<Parameter>& sought) {
   std::string held;
-  for (const Unknown& unknown : unknowns_of(scene)) {
+  for (const Parameter& unknown : parameters_of(scene)) {
     if (!carries_scale(unknown) || contains(sought, unknown.key)) continue;
     if (!held.empty()) return "";  // two are known: the scene gives the scale
     held = unknown.key;

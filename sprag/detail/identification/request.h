@@ -39,10 +39,10 @@ inline bool drifts(const IdentifyResult& result) { return result.fit.departure.i
 /// The unknowns to identify. Amplitudes, constant forces and clearances have a common unobservable
 /// scale, so one of them is held: the one that `known` names, else an amplitude. Throws
 /// std::invalid_argument.
-std::vector<Unknown> sought(const Scene& scene, const IdentifyRequest& request);
+std::vector<Parameter> sought(const Scene& scene, const IdentifyRequest& request);
 
 /// The key that is held to fix the scale; empty if none has to be.
-std::string held_for_scale(const Scene& scene, const std::vector<Unknown>& sought);
+std::string held_for_scale(const Scene& scene, const std::vector<Parameter>& sought);
 
 /// Identifies. `settings` has the gaps and the begin of the recording. The causes are searched only
 /// if the events fit. Throws std::invalid_argument and what identify() throws.

@@ -9,7 +9,7 @@
 #include "sprag/detail/identification/fit.h"
 #include "sprag/detail/identification/path_posterior.h"
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 
 namespace sprag {
@@ -42,10 +42,10 @@ void add_errors(const Eigen::VectorXd& of_unknowns, FilterBelief& belief) {
 
 }  // namespace
 
-std::vector<Unknown> unknowns_to_adapt(const Scene& scene) {
+std::vector<Parameter> unknowns_to_adapt(const Scene& scene) {
   const std::vector<std::string>& free = scene.prior.adaptation.free;
-  std::vector<Unknown> unknowns =
-      free.empty() ? all_but_the_scale(scene) : unknowns_named(scene, free);
+  std::vector<Parameter> unknowns =
+      free.empty() ? all_but_the_scale(scene) : parameters_named(scene, free);
   const Eigen::VectorXd& within = scene.prior.adaptation.within;
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
     unknowns[k].within = within[within.size() > 1 ? static_cast<Eigen::Index>(k) : 0];

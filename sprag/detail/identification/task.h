@@ -31,7 +31,7 @@ struct AdaptationResult {
 
 /// The unknowns of [adapt] in a scene. If it names none: all but the one that fixes the scale.
 /// Throws std::invalid_argument for an unknown key.
-std::vector<Unknown> unknowns_to_adapt(const Scene& scene);
+std::vector<Parameter> unknowns_to_adapt(const Scene& scene);
 
 /// Standard deviations of the random walks of [adapt], in coordinates and a unit of time.
 Eigen::VectorXd walk_of(const Scene& scene, Eigen::Index unknowns);

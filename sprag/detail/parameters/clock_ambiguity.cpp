@@ -4,16 +4,16 @@
 #include <cmath>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 namespace {
 
-using Unknowns = std::vector<Unknown>;
+using Unknowns = std::vector<Parameter>;
 
 bool is_sought(const Unknowns& sought, const std::string& key) {
   return std::any_of(sought.begin(), sought.end(),
-                     [&](const Unknown& unknown) { return unknown.key == key; });
+                     [&](const Parameter& unknown) { return unknown.key == key; });
 }
 
 bool is_sought(const Unknowns& sought, const HarmonicGroup& group, const std::string& number) {
@@ -152,8 +152,8 @@ std::string list_of_keys(const std::vector<std::string>& keys) {
 }  // namespace
 
 std::optional<ClockAmbiguity> clock_ambiguity(const Scene& scene,
-                                              const std::vector<Unknown>& sought,
-                                              const Unknown& unknown) {
+                                              const std::vector<Parameter>& sought,
+                                              const Parameter& unknown) {
   if (unknown.key == "clock.rate") return of_rate(scene, sought);
   if (unknown.key == "clock.offset") return of_offset(scene, sought);
   return std::nullopt;

@@ -20,8 +20,8 @@ namespace sprag {
 /// Whether the events cannot determine this parameter of the clock although all parameters that are
 /// not in `sought` are known. Empty: they can, or `unknown` is not of the clock.
 std::optional<ClockAmbiguity> clock_ambiguity(const Scene& scene,
-                                              const std::vector<Unknown>& sought,
-                                              const Unknown& unknown);
+                                              const std::vector<Parameter>& sought,
+                                              const Parameter& unknown);
 
 /// One sentence: what the events cannot distinguish, and what must be held.
 std::string to_text(const ClockAmbiguity& ambiguity);

@@ -1,4 +1,4 @@
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,8 +19,8 @@ constexpr double margin = 0.05;          // of the search range in coordinates
 constexpr double reach_of_slope = 10.0;  // in nominal slopes of a restitution
 
 // A positive number has the coordinate log(value / nominal).
-Unknown positive(std::string key, std::string_view unit, double nominal) {
-  Unknown unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
+Parameter positive(std::string key, std::string_view unit, double nominal) {
+  Parameter unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
   unknown.logarithmic = nominal > 0.0;
   unknown.relative = nominal != 0.0;
   if (nominal < 0.0) unknown.unit_step = -nominal;
@@ -28,23 +28,24 @@ Unknown positive(std::string key, std::string_view unit, double nominal) {
 }
 
 // A number with the coordinate (value - nominal) / step, which the search limits by `reach`.
-Unknown linear(std::string key, std::string_view unit, double nominal, double step, double reach) {
-  Unknown unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
+Parameter linear(std::string key, std::string_view unit, double nominal, double step,
+                 double reach) {
+  Parameter unknown{.key = std::move(key), .unit = std::string(unit), .nominal = nominal};
   unknown.unit_step = step;
   unknown.relative = false;
   unknown.reach = reach;
   return unknown;
 }
 
-Unknown phase_of(std::string key, double nominal) {
+Parameter phase_of(std::string key, double nominal) {
   return linear(std::move(key), "rad", nominal, 1.0, infinity);
 }
 
 // Damping may be 0, so that its coordinate is linear. `step` is for an undamped machine.
-Unknown damping_of(std::string key, std::string_view unit, double nominal, double step) {
+Parameter damping_of(std::string key, std::string_view unit, double nominal, double step) {
   constexpr double reach_of_undamped = 10.0;
-  Unknown unknown = linear(std::move(key), unit, nominal, nominal > 0.0 ? nominal : step,
-                           nominal > 0.0 ? 0.0 : reach_of_undamped);
+  Parameter unknown = linear(std::move(key), unit, nominal, nominal > 0.0 ? nominal : step,
+                             nominal > 0.0 ? 0.0 : reach_of_undamped);
   unknown.relative = nominal > 0.0;
   unknown.lower_limit = 0.0;
   return unknown;
@@ -54,12 +55,12 @@ std::string of(const char* table, std::size_t i, const char* key) {
   return std::string(table) + '.' + std::to_string(i + 1) + '.' + key;
 }
 
-void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
+void add_restitutions(const Model& model, std::vector<Parameter>& unknowns) {
   const auto& contacts = model.contacts;
   const bool one = has_one_restitution(model);
   const auto add = [&](const std::string& key, const Contact& contact) {
     const bool constant = contact.curve.is_constant();
-    Unknown epsilon = positive(constant ? key : key + ".value", "", contact.restitution);
+    Parameter epsilon = positive(constant ? key : key + ".value", "", contact.restitution);
     epsilon.lower_limit = 0.0;
     epsilon.upper_limit =
         contact.restitution > 0.0 ? contact.restitution / largest_restitution(contact) : 1.0;
@@ -75,7 +76,7 @@ void add_restitutions(const Model& model, std::vector<Unknown>& unknowns) {
   }
 }
 
-void add_flow(const Scene& scene, std::vector<Unknown>& unknowns) {
+void add_flow(const Scene& scene, std::vector<Parameter>& unknowns) {
   if (!scene.beam) {
     if (!scene.model.C.isZero(0.0)) unknowns.push_back(damping_of("system.C", "", 1.0, 1.0));
     if (!scene.model.K.isZero(0.0)) unknowns.push_back(positive("system.K", "", 1.0));
@@ -111,33 +112,33 @@ std::string_view unit_of_amplitude(const HarmonicGroup& group) {
 
 }  // namespace
 
-double Unknown::coordinate(double of_value) const {
+double Parameter::coordinate(double of_value) const {
   return logarithmic ? std::log(of_value / nominal) : (of_value - nominal) / unit_step;
 }
 
-double Unknown::value(double of_coordinate) const {
+double Parameter::value(double of_coordinate) const {
   return logarithmic ? nominal * std::exp(of_coordinate) : nominal + unit_step * of_coordinate;
 }
 
-double Unknown::highest() const {
+double Parameter::highest() const {
   double most = reach;
   if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
   return upper_limit < infinity ? std::min(most, coordinate(upper_limit)) : most;
 }
 
-double Unknown::lowest() const {
+double Parameter::lowest() const {
   double most = reach;
   if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
   return lower_limit > -infinity ? std::max(-most, coordinate(lower_limit)) : -most;
 }
 
-bool Unknown::is_physical_bound(double of_value) const {
+bool Parameter::is_physical_bound(double of_value) const {
   constexpr double rounding = 1e-9;
   return of_value <= lower_limit + rounding * std::abs(nominal) ||
          of_value >= upper_limit * (1.0 - 1e-12);
 }
 
-bool Unknown::is_within(double of_value, double tolerance) const {
+bool Parameter::is_within(double of_value, double tolerance) const {
   if (reach > 0.0) return true;
   const double at = coordinate(of_value);
   if (nominal == 0.0) return at <= highest() + tolerance;
@@ -159,7 +160,7 @@ bool is_on_ground(const ShakenFrame& frame, int contact) {
 
 }  // namespace
 
-Eigen::VectorXd nominal_values(const std::vector<Unknown>& unknowns) {
+Eigen::VectorXd nominal_values(const std::vector<Parameter>& unknowns) {
   Eigen::VectorXd values(std::ssize(unknowns));
   for (Eigen::Index k = 0; k < values.size(); ++k) {
     values[k] = unknowns[static_cast<std::size_t>(k)].nominal;
@@ -292,9 +293,9 @@ double mean_frequency(const SampledInput& input) {
   return std::sqrt(of_rate / squares);
 }
 
-std::vector<Unknown> unknowns_of(const Scene& scene) {
+std::vector<Parameter> parameters_of(const Scene& scene) {
   const Model& model = scene.model;
-  std::vector<Unknown> unknowns;
+  std::vector<Parameter> unknowns;
   add_restitutions(model, unknowns);
   add_flow(scene, unknowns);
   const double length = usual_length(scene);
@@ -327,8 +328,8 @@ std::vector<Unknown> unknowns_of(const Scene& scene) {
   return unknowns;
 }
 
-std::vector<Unknown> common_unknowns(const Scene& scene) {
-  std::vector<Unknown> unknowns;
+std::vector<Parameter> common_parameters(const Scene& scene) {
+  std::vector<Parameter> unknowns;
   if (!has_one_restitution(scene.model)) {
     double largest = 0.0;
     for (const Contact& contact : scene.model.contacts) {
@@ -345,11 +346,11 @@ std::vector<Unknown> common_unknowns(const Scene& scene) {
   return unknowns;
 }
 
-std::vector<Unknown> clock_unknowns(const Scene& scene) {
+std::vector<Parameter> clock_parameters(const Scene& scene) {
   // A record has a delay, which an offset of the clock would change as well.
   if (has_sampled_inputs(scene.model)) return {};
   constexpr double largest_error = 0.01;  // of a rate; a ceramic resonator is off by 0.005
-  std::vector<Unknown> unknowns{positive("clock.rate", "", scene.clock.rate)};
+  std::vector<Parameter> unknowns{positive("clock.rate", "", scene.clock.rate)};
   unknowns.back().within = largest_error;
   const std::vector<HarmonicGroup> groups = harmonic_groups(scene);
   if (groups.empty()) return unknowns;
@@ -361,17 +362,17 @@ std::vector<Unknown> clock_unknowns(const Scene& scene) {
   return unknowns;
 }
 
-bool is_of_clock(const Unknown& unknown) { return unknown.key.starts_with("clock."); }
+bool is_of_clock(const Parameter& unknown) { return unknown.key.starts_with("clock."); }
 
-bool is_common(const Unknown& unknown) { return unknown.key.starts_with("excitations."); }
+bool is_common(const Parameter& unknown) { return unknown.key.starts_with("excitations."); }
 
-bool can_be_filtered(const Unknown& unknown) { return !is_of_clock(unknown); }
+bool can_be_filtered(const Parameter& unknown) { return !is_of_clock(unknown); }
 
-bool is_of_flow(const Unknown& unknown) {
+bool is_of_flow(const Parameter& unknown) {
   return unknown.key.starts_with("system.") || unknown.key.starts_with("beam.");
 }
 
-std::string_view tolerance_of(const Unknown& unknown) {
+std::string_view tolerance_of(const Parameter& unknown) {
   const std::string_view of = quantity(unknown.key);
   if (of == "restitution" || of == "clearance") return of;
   if (unknown.key == "system.K" || of == "bending_stiffness") return "stiffness";
@@ -380,30 +381,30 @@ std::string_view tolerance_of(const Unknown& unknown) {
   return is_damping ? "damping" : "";
 }
 
-bool carries_scale(const Unknown& unknown) {
+bool carries_scale(const Parameter& unknown) {
   const std::string_view of = quantity(unknown.key);
   return of == "amplitude" || of == "constant" || of == "gain" ||
          (of == "clearance" && unknown.nominal != 0.0);
 }
 
-std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
-  const std::vector<Unknown> all = unknowns_of(scene);
+std::vector<Parameter> all_but_the_scale(const Scene& scene, std::vector<std::string> known) {
+  const std::vector<Parameter> all = parameters_of(scene);
   const bool one = all.front().key.starts_with("impact.");
   const auto is_known = [&](const std::string& key) {
     return std::find(known.begin(), known.end(), key) != known.end();
   };
-  bool held = std::any_of(all.begin(), all.end(), [&](const Unknown& unknown) {
+  bool held = std::any_of(all.begin(), all.end(), [&](const Parameter& unknown) {
     return is_known(unknown.key) && carries_scale(unknown);
   });
   for (const std::string_view of_scale : {"amplitude", "gain", "constant"}) {
-    for (const Unknown& unknown : all) {
+    for (const Parameter& unknown : all) {
       if (held || quantity(unknown.key) != of_scale) continue;
       known.push_back(unknown.key);
       held = true;
     }
   }
-  std::vector<Unknown> unknowns;
-  for (const Unknown& unknown : all) {
+  std::vector<Parameter> unknowns;
+  for (const Parameter& unknown : all) {
     const bool own_restitution = unknown.key.starts_with("contact.") &&
                                  unknown.key.find(".restitution") != std::string::npos;
     if (!is_known(unknown.key) && !(one && own_restitution)) unknowns.push_back(unknown);
@@ -414,7 +415,7 @@ std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::stri
 namespace {
 
 // Any other number of the machine, by its key.
-std::optional<Unknown> number_of(const Scene& scene, const std::string& key) {
+std::optional<Parameter> number_of(const Scene& scene, const std::string& key) {
   if (key.starts_with("clock.")) return std::nullopt;
   const std::optional<SceneNumber> number = scene_number(scene, key);
   if (!number) return std::nullopt;
@@ -422,7 +423,7 @@ std::optional<Unknown> number_of(const Scene& scene, const std::string& key) {
   if (of == "phase") return phase_of(key, number->value);
   if (key.starts_with("beam.damping_ratio"))
     return damping_of(key, number->unit, number->value, 0.01);
-  Unknown unknown = positive(key, number->unit, number->value);
+  Parameter unknown = positive(key, number->unit, number->value);
   if (of == "length") {
     unknown.lower_limit = *std::max_element(scene.positions.begin(), scene.positions.end());
   }
@@ -454,17 +455,17 @@ std::string listed(const Scene& scene, const std::vector<std::string_view>& keys
 
 }  // namespace
 
-Unknown unknown_of(const Scene& scene, std::string_view key) {
-  std::vector<Unknown> unknowns = unknowns_of(scene);
-  for (Unknown& common : common_unknowns(scene)) unknowns.push_back(std::move(common));
-  for (Unknown& of_clock : clock_unknowns(scene)) unknowns.push_back(std::move(of_clock));
-  for (const Unknown& unknown : unknowns) {
+Parameter parameter_of(const Scene& scene, std::string_view key) {
+  std::vector<Parameter> unknowns = parameters_of(scene);
+  for (Parameter& common : common_parameters(scene)) unknowns.push_back(std::move(common));
+  for (Parameter& of_clock : clock_parameters(scene)) unknowns.push_back(std::move(of_clock));
+  for (const Parameter& unknown : unknowns) {
     if (unknown.key == key) return unknown;
   }
   if (const auto number = number_of(scene, std::string(key))) return *number;
   std::vector<std::string_view> keys;
   keys.reserve(unknowns.size());
-  for (const Unknown& unknown : unknowns) keys.push_back(unknown.key);
+  for (const Parameter& unknown : unknowns) keys.push_back(unknown.key);
   std::string text = std::string(key) + " is no parameter of this scene";
   if (const auto nearest = nearest_word(key, keys)) {
     text += "; did you mean " + std::string(*nearest) + "? It has ";
@@ -474,10 +475,10 @@ Unknown unknown_of(const Scene& scene, std::string_view key) {
   throw std::invalid_argument(text + listed(scene, keys));
 }
 
-std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys) {
-  std::vector<Unknown> unknowns;
+std::vector<Parameter> parameters_named(const Scene& scene, const std::vector<std::string>& keys) {
+  std::vector<Parameter> unknowns;
   unknowns.reserve(keys.size());
-  for (const std::string& key : keys) unknowns.push_back(unknown_of(scene, key));
+  for (const std::string& key : keys) unknowns.push_back(parameter_of(scene, key));
   return unknowns;
 }
 

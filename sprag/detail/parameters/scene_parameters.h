@@ -16,46 +16,46 @@ namespace sprag {
 
 /// The usual parameters of the scene's machine: without lengths, masses and single entries of
 /// matrices and vectors.
-std::vector<Unknown> unknowns_of(const Scene& scene);
+std::vector<Parameter> parameters_of(const Scene& scene);
 
 /// Parameters for several different numbers at once: a factor on the restitutions, on all
 /// amplitudes or frequencies, and a shift of all phases.
-std::vector<Unknown> common_unknowns(const Scene& scene);
-/// Whether it is one of common_unknowns() for harmonics.
-bool is_common(const Unknown& unknown);
+std::vector<Parameter> common_parameters(const Scene& scene);
+/// Whether it is one of common_parameters() for harmonics.
+bool is_common(const Parameter& unknown);
 
 /// clock.rate, and with an excitation clock.offset.
-std::vector<Unknown> clock_unknowns(const Scene& scene);
-/// Whether it is one of clock_unknowns().
-bool is_of_clock(const Unknown& unknown);
+std::vector<Parameter> clock_parameters(const Scene& scene);
+/// Whether it is one of clock_parameters().
+bool is_of_clock(const Parameter& unknown);
 
 /// Whether a filter of state and parameters can estimate it: not one of the clock.
-bool can_be_filtered(const Unknown& unknown);
+bool can_be_filtered(const Parameter& unknown);
 
 /// Whether it is C or K or a part of them.
-bool is_of_flow(const Unknown& unknown);
+bool is_of_flow(const Parameter& unknown);
 
 /// The field of Tolerance that covers it: "restitution", "stiffness", "damping", "clearance", else
 /// "".
-std::string_view tolerance_of(const Unknown& unknown);
+std::string_view tolerance_of(const Parameter& unknown);
 
 /// Whether it sets the scale of the motion. Events determine other such parameters only relative to
 /// it.
-bool carries_scale(const Unknown& unknown);
+bool carries_scale(const Parameter& unknown);
 
 /// All parameters that events can determine, without `known`: one restitution if all contacts have
 /// the same, and without one amplitude, gain of a record or constant force, in this order, that
 /// sets the scale, unless one of `known` sets it.
-std::vector<Unknown> all_but_the_scale(const Scene& scene, std::vector<std::string> known = {});
+std::vector<Parameter> all_but_the_scale(const Scene& scene, std::vector<std::string> known = {});
 
 /// Parameter with this key, which may be any number of the machine. Throws std::invalid_argument
 /// with the nearest key.
-Unknown unknown_of(const Scene& scene, std::string_view key);
+Parameter parameter_of(const Scene& scene, std::string_view key);
 /// Parameters with these keys.
-std::vector<Unknown> unknowns_named(const Scene& scene, const std::vector<std::string>& keys);
+std::vector<Parameter> parameters_named(const Scene& scene, const std::vector<std::string>& keys);
 
 /// Their values in the scene, P entries.
-Eigen::VectorXd nominal_values(const std::vector<Unknown>& unknowns);
+Eigen::VectorXd nominal_values(const std::vector<Parameter>& unknowns);
 
 /// Common frequency [rad per unit of time] of all harmonics with an amplitude; 0: they differ.
 double only_frequency(const Model& model);

@@ -31,7 +31,7 @@ void set_harmonic(std::string_view of, double value, double before, bool acceler
 
 }  // namespace
 
-SceneValues::SceneValues(const Scene& nominal, std::vector<Unknown> unknowns)
+SceneValues::SceneValues(const Scene& nominal, std::vector<Parameter> unknowns)
     : nominal_(nominal),
       unknowns_(std::move(unknowns)),
       groups_(harmonic_groups(nominal)),
@@ -41,7 +41,7 @@ SceneValues::SceneValues(const Scene& nominal, std::vector<Unknown> unknowns)
       if (is_single(unknowns_[k].key) == single) in_order_.push_back(k);
     }
   }
-  for (const Unknown& unknown : unknowns_) setters_.push_back(setter_of(unknown.key));
+  for (const Parameter& unknown : unknowns_) setters_.push_back(setter_of(unknown.key));
 }
 
 bool SceneValues::is_single(const std::string& key) const {
@@ -191,7 +191,7 @@ void SceneValues::find_directions(double old_length, Scene& scene) const {
   }
 }
 
-Scene with(const Scene& scene, const std::vector<Unknown>& unknowns,
+Scene with(const Scene& scene, const std::vector<Parameter>& unknowns,
            const Eigen::VectorXd& values) {
   const SceneValues of_scene(scene, unknowns);
   Scene changed = scene;
@@ -215,7 +215,7 @@ Scene with(const Scene& scene, const std::vector<Unknown>& unknowns,
   return changed;
 }
 
-Scene with(const Scene& scene, const Unknown& unknown, double value) {
+Scene with(const Scene& scene, const Parameter& unknown, double value) {
   return with(scene, std::vector{unknown}, Eigen::VectorXd::Constant(1, value));
 }
 

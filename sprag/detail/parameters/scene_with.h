@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 
 namespace sprag {
 
@@ -19,10 +19,10 @@ struct GainAndDelay {
 /// Sets parameters in copies of one scene.
 class SceneValues {
  public:
-  SceneValues(const Scene& nominal, std::vector<Unknown> unknowns);
+  SceneValues(const Scene& nominal, std::vector<Parameter> unknowns);
 
   const Scene& nominal() const { return nominal_; }
-  const std::vector<Unknown>& unknowns() const { return unknowns_; }
+  const std::vector<Parameter>& unknowns() const { return unknowns_; }
   const std::vector<HarmonicGroup>& groups() const { return groups_; }
   const std::vector<RecordedInput>& records() const { return records_; }
   /// Settings of the nominal scene's records.
@@ -43,7 +43,7 @@ class SceneValues {
   Setter setter_of_harmonics(const std::string& key) const;
 
   Scene nominal_;
-  std::vector<Unknown> unknowns_;
+  std::vector<Parameter> unknowns_;
   std::vector<HarmonicGroup> groups_;
   std::vector<RecordedInput> records_;
   std::vector<Setter> setters_;        // of each unknown
@@ -53,9 +53,10 @@ class SceneValues {
 /// The scene with these values of some of its parameters, in its beam, frame, model, positions and
 /// clock. A factor multiplies what the scene has. The amplitude of a frame's motion stays at
 /// another frequency, so that its acceleration grows with the frequency squared.
-Scene with(const Scene& scene, const std::vector<Unknown>& unknowns, const Eigen::VectorXd& values);
+Scene with(const Scene& scene, const std::vector<Parameter>& unknowns,
+           const Eigen::VectorXd& values);
 
 /// The scene with another value of one parameter.
-Scene with(const Scene& scene, const Unknown& unknown, double value);
+Scene with(const Scene& scene, const Parameter& unknown, double value);
 
 }  // namespace sprag

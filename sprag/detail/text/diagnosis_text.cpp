@@ -23,7 +23,7 @@ std::string percent(double share) {
 }
 
 std::string instead(const Candidate& candidate) {
-  const Unknown& parameter = candidate.parameter;
+  const Parameter& parameter = candidate.parameter;
   if (parameter.key == "clock.rate") {
     return "a contact clock that is " + pace_of_clock(candidate.value) + " (rate " +
            short_number(candidate.value, 8) + " instead of " + short_number(parameter.nominal, 8) +
@@ -34,7 +34,7 @@ std::string instead(const Candidate& candidate) {
 }
 
 std::string change_text(const Candidate& candidate) {
-  const Unknown& parameter = candidate.parameter;
+  const Parameter& parameter = candidate.parameter;
   if (!parameter.relative) return short_number(candidate.change(), 3);
   return short_number(100.0 * candidate.change() / std::abs(parameter.nominal), 3) + " %";
 }
@@ -72,7 +72,7 @@ void append_table(const Diagnosis& diagnosis, std::string& text) {
   append_row(text, columns,
              {"parameter", "nominal", "best", "change", "left [s]", "explained", "sensitivity"});
   for (const Candidate& candidate : diagnosis.candidates) {
-    const Unknown& parameter = candidate.parameter;
+    const Parameter& parameter = candidate.parameter;
     const std::string nominal = short_number(parameter.nominal, 6);
     if (!candidate.determined) {
       append_row(text, columns, {parameter.key, nominal, "not determined"});

@@ -1,7 +1,7 @@
 #include "sprag/detail/text/parameters_text.h"
 
 #include "sprag/detail/identification/verdict.h"
-#include "sprag/detail/parameters/unknowns.h"
+#include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/detail/text/table.h"
 
 namespace sprag {
@@ -12,7 +12,7 @@ std::string parameters_text(const Scene& scene) {
   std::string words = "uncertain parameters:";
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
     const std::string& key = parameters.keys[k];
-    words += (k > 0 ? ", " : " ") + key + ' ' + short_number(unknown_of(scene, key).nominal, 6) +
+    words += (k > 0 ? ", " : " ") + key + ' ' + short_number(parameter_of(scene, key).nominal, 6) +
              " +- " + short_number(parameters.sigma[static_cast<Eigen::Index>(k)], 2);
     if (parameters.consider[k]) words += " (considered)";
   }
