@@ -2,7 +2,6 @@
 #pragma once
 
 #include <optional>
-#include <utility>
 
 namespace sprag {
 
@@ -23,9 +22,11 @@ class LevelEdges {
 
   /// The edge at this level. At the first level of a channel whose state is unknown there is none.
   LevelChange take(double level) {
-    const std::optional<bool> before = std::exchange(high_, (level > threshold_) != inverted_);
-    if (!before || before == high_) return LevelChange::none;
-    return *high_ ? LevelChange::rises : LevelChange::falls;
+    const bool high = (level > threshold_) != inverted_;
+    const bool changes = high_.has_value() && *high_ != high;
+    high_ = high;
+    if (!changes) return LevelChange::none;
+    return high ? LevelChange::rises : LevelChange::falls;
   }
 
   /// Whether the last level is high, after inversion; nullopt before the first one.
