@@ -1,6 +1,7 @@
 /// \file
 /// \brief Parameters of a scene's machine that can be identified, by the keys of the scene file:
-/// impact.restitution, contact.1.position, beam.damping, excitation.phase, system.K.1.2, ...
+/// impact.restitution, contact.1.position, beam.damping, excitation.phase, and any other number of
+/// the machine by its path: system.K.1.2, system.M.1.1, contact.1.direction.2, beam.length.
 ///
 /// A key for several numbers (K and C of a general system, harmonics of one frequency) is a common
 /// factor, nominally 1; a phase is a common shift, nominally 0. impact.restitution is a factor if
@@ -14,7 +15,6 @@
 
 #include <limits>
 #include <string>
-#include <utility>
 
 namespace sprag {
 
@@ -29,7 +29,8 @@ struct Parameter {
   double unit_step = 1.0;    ///< else: the change of the value per unit of the coordinate
   /// \brief Whether a change is stated as a share of the nominal value.
   bool relative = true;
-  /// \brief Largest change to search, in coordinates; infinity: any. 0: `within` limits the change.
+  /// \brief Largest change to search, in coordinates, of a parameter that `within` does not limit:
+  /// infinity for a phase or a clearance, half a period for a delay or an offset. 0: by `within`.
   double reach = 0.0;
   double lower_limit = -std::numeric_limits<double>::infinity();  ///< physical limit of the value
   double upper_limit = std::numeric_limits<double>::infinity();   ///< physical limit of the value
@@ -46,19 +47,13 @@ struct Parameter {
   /// \param value where.
   /// \return the slope.
   double slope(double value) const { return logarithmic ? value : unit_step; }
-  /// \brief Two physical coordinates for a difference quotient.
-  /// \param coordinate between them.
-  /// \param step half of their distance.
-  /// \return both.
-  std::pair<double, double> neighbours(double coordinate, double step) const;
   /// \brief Lower end of the range to search.
   /// \return a coordinate.
   double lowest() const;
   /// \brief Upper end of the range to search.
   /// \return a coordinate.
   double highest() const;
-  /// \brief Whether a value is at its physical limit: a damping or restitution of 0, or an upper
-  /// limit.
+  /// \brief Whether a value is at its lower or upper limit.
   /// \param value a value.
   /// \return true if it is.
   bool is_physical_bound(double value) const;

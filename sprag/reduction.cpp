@@ -152,7 +152,7 @@ VectorXd deviations(const MatrixXd& T, const VectorXd& sigma) {
   return (T.cwiseAbs2() * sigma.cwiseAbs2()).cwiseSqrt();
 }
 
-// Whether a key is of the same parameter in both scenes. Entries of C and K are of coordinates.
+// Whether a key is of the same parameter in both scenes. Entries are of coordinates.
 bool is_same(const Scene& scene, const Scene& part, const std::string& key) {
   try {
     const Parameter a = parameter_of(scene, key);

@@ -89,8 +89,10 @@ def attractors(periods: Numbers, q: Numbers, u: Numbers, tolerance: float = 1e-3
     same = [max(tolerance * size, 1e-9 * max(largest)) for size in largest]
     limits = np.concatenate([np.full(q.shape[1], same[0]), np.full(u.shape[1], same[1])])
     points = np.hstack([q, u])
+    # By these ranks, differences within the tolerance do not determine the order.
+    ranks = np.column_stack([_ranks(x, limit) for x, limit in zip(points.T, limits)])
     firsts: list[int] = []
-    for i in found[np.lexsort([*points[found].T[::-1], periods[found]])]:
+    for i in found[np.lexsort([*ranks[found].T[::-1], periods[found]])]:
         for k, first in enumerate(firsts, start=1):
             near = np.all(np.abs(points[i] - points[first]) <= limits)
             if near and periods[i] == periods[first]:
@@ -100,6 +102,14 @@ def attractors(periods: Numbers, q: Numbers, u: Numbers, tolerance: float = 1e-3
             firsts.append(i)
             labels[i] = len(firsts)
     return labels
+
+
+def _ranks(values: Numbers, limit: float) -> Labels:
+    """Number of each value's group; groups of ascending values are more than `limit` apart."""
+    order = np.argsort(values)
+    ranks = np.zeros(len(values), int)
+    ranks[order[1:]] = np.cumsum(np.diff(values[order]) > limit)
+    return ranks
 
 
 class _Picture:

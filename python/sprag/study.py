@@ -369,7 +369,10 @@ def _merge(segments: list[Segment], layout: Layout, file: Path) -> None:
             with open(name, "rb") as source:
                 source.seek(begin)
                 for at in range(begin, end, block):
-                    output.write(source.read(min(block, end - at)))
+                    rows = source.read(min(block, end - at))
+                    if len(rows) < min(block, end - at):
+                        raise OSError(f"{name}: cannot be read: it became shorter")
+                    output.write(rows)
         output.flush()
         os.fdatasync(output.fileno())
 

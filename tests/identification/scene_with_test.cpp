@@ -198,5 +198,21 @@ TEST(SceneWith, SeveralParametersAreThoseOfTheGivenScene) {
   EXPECT_EQ(model.K(0, 0), 50.0);
 }
 
+// A common restitution does not replace one of a single contact, in any order of the keys.
+TEST(SceneWith, ASingleNumberIsOnTopOfACommonOne) {
+  Scene scene = parse_scene(two_tones, "two_tones.toml");
+  for (Contact& contact : scene.model.contacts) contact.restitution = 0.6;
+  const Model model =
+      with(scene, parameters_named(scene, {"contact.2.restitution", "impact.restitution"}),
+           Eigen::Vector2d(0.3, 0.8))
+          .model;
+  EXPECT_EQ(model.contacts[0].restitution, 0.8);
+  EXPECT_EQ(model.contacts[1].restitution, 0.3);
+  for (const char* key : {"contact.01.clearance", "contact.3.clearance", "contact.1.position",
+                          "force.1.gain", "beam.length", "system.M.1.2"}) {
+    EXPECT_THROW(parameter_of(scene, key), std::invalid_argument) << key;
+  }
+}
+
 }  // namespace
 }  // namespace sprag

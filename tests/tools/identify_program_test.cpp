@@ -111,7 +111,9 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
         Case{"lab_rig", "[-600.0, 600.0]]", "[-600.0, 620.0]]", "system.K.2.2,impact.restitution",
              20.0},
         Case{"lab_rig", "M = [[0.9, 0.0], [0.0, 0.6]]", "M = [[0.9, 0.02], [0.02, 0.61]]",
-             "system.M.1.2,system.M.2.2,contact.1.direction.1,force.1.direction.2", 20.0},
+             "system.M.1.2,system.M.2.2,contact.1.direction.1,contact.1.direction.2", 20.0},
+        Case{"lab_rig", "amplitude = 5.0 ", "constant = 0.3\namplitude = 5.0 ", "force.1.constant",
+             20.0},
         Case{"paper_beam", "length = 1.0", "length = 1.01", "beam.length,beam.mass_per_length",
              20.0},
         Case{"two_stops_beam", "clearance = 0.05", "clearance = 0.052",
@@ -134,6 +136,7 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
     EXPECT_LT((fitted.model.K - real.model.K).norm(), 1e-7 * real.model.K.norm()) << of.scene;
     EXPECT_LT((fitted.model.C - real.model.C).norm(), 1e-7 * real.model.C.norm()) << of.scene;
     for (std::size_t j = 0; j < real.model.forces.size(); ++j) {
+      EXPECT_NEAR(fitted.model.forces[j].constant, real.model.forces[j].constant, 1e-7);
       EXPECT_NEAR(value(fitted.model.forces[j].harmonic, 1.0),
                   value(real.model.forces[j].harmonic, 1.0), 1e-7)
           << of.scene;

@@ -19,16 +19,16 @@ class Text {
  public:
   Text(std::string_view text, const std::string& file) : text_(text), file_(file) {}
 
-  void set(const std::string& path, double value) { values_.push_back({path, {value}}); }
+  void set(const std::string& path, double value) { put({path, {value}}); }
   void set(const std::string& path, const Eigen::VectorXd& value) {
-    values_.push_back({path, {value.data(), value.data() + value.size()}, true});
+    put({path, {value.data(), value.data() + value.size()}, true});
   }
   void set(const std::string& path, const Eigen::MatrixXd& matrix) {
     SceneValue value{path, {}, true, static_cast<std::size_t>(matrix.cols())};
     for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
       for (Eigen::Index j = 0; j < matrix.cols(); ++j) value.numbers.push_back(matrix(i, j));
     }
-    values_.push_back(std::move(value));
+    put(std::move(value));
   }
   bool is_file(const std::string& path) const { return is_text(text_, path, file_); }
   bool has(const std::string& path) const { return has_key(text_, path, file_); }
@@ -38,6 +38,12 @@ class Text {
   std::string written() const { return with_values(text_, values_, file_); }
 
  private:
+  // Two entries of a vector set the same path.
+  void put(SceneValue value) {
+    std::erase_if(values_, [&](const SceneValue& before) { return before.path == value.path; });
+    values_.push_back(std::move(value));
+  }
+
   std::string_view text_;
   const std::string& file_;
   std::vector<SceneValue> values_;
@@ -100,6 +106,7 @@ void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const std::s
 bool set_harmonics(const Scene& scene, const Scene& fitted, const std::string& key, Text& text) {
   const bool all = key.starts_with("excitations.");
   const std::string number(quantity(key));
+  if (number != "amplitude" && number != "frequency" && number != "phase") return false;
   bool is_set = false;
   for (const HarmonicGroup& group : harmonic_groups(scene)) {
     if (!all && (group.of_frame || key != group.key + '.' + number)) continue;

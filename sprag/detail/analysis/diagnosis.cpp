@@ -232,8 +232,9 @@ std::string key_of_second(const Parameter& best, const Identification& fit,
                           double sigma) {
   std::vector<std::vector<Parameter>> pairs;
   for (const Parameter& second : parameters) {
-    const bool same = quantity(second.key) == quantity(best.key) &&
-                      (second.key == best.key || !second.key.starts_with("contact."));
+    const bool common = is_common(second) || second.key.starts_with("impact.");
+    const bool same =
+        second.key == best.key || (common && quantity(second.key) == quantity(best.key));
     if (!same) pairs.push_back({best, second});
   }
   const std::vector<std::optional<Identification>> fits = judge.fits(pairs);

@@ -122,8 +122,10 @@ void FamilyOfMachines::to_modes(const Eigen::MatrixXd& nominal, const Eigen::Mat
 
 // Multiplies columns by the inverse of M_, whose Cholesky factor it has.
 void FamilyOfMachines::divide_by_mass(Eigen::Ref<Eigen::MatrixXd> columns) const {
-  M_.triangularView<Eigen::Lower>().solveInPlace(columns);
-  M_.transpose().triangularView<Eigen::Upper>().solveInPlace(columns);
+  for (auto column : columns.colwise()) {
+    M_.triangularView<Eigen::Lower>().solveInPlace(column);
+    M_.transpose().triangularView<Eigen::Upper>().solveInPlace(column);
+  }
 }
 
 void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& like,

@@ -65,6 +65,7 @@ std::vector<Parameter> sought(const Scene& scene, const IdentifyRequest& request
     const auto own = request.within_of.find(unknown.key);
     if (own != request.within_of.end()) {
       unknown.within = own->second;
+      if (quantity(unknown.key) == "slope") unknown.reach = own->second;
     } else if (request.within && unknown.reach == 0.0) {
       unknown.within = *request.within;
     }

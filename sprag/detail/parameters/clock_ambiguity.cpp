@@ -99,7 +99,11 @@ std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought
     }
   };
   const Model& model = scene.model;
-  if (!model.K.isZero(0.0)) {
+  const auto masses =
+      free_matrix(model.M, scene.beam ? "beam.mass_per_length" : "system.M", sought);
+  if (masses) {
+    add(*masses);
+  } else if (!model.K.isZero(0.0)) {
     const auto keys =
         free_matrix(model.K, scene.beam ? "beam.bending_stiffness" : "system.K", sought);
     if (!keys) return std::nullopt;
@@ -118,7 +122,9 @@ std::optional<ClockAmbiguity> of_rate(const Scene& scene, const Unknowns& sought
     const std::string own = group.key + ".frequency";
     add({is_sought(sought, own) ? own : "excitations.frequency"});
   }
-  if (has_known_force(scene, sought) && has_known_length(scene, sought)) return std::nullopt;
+  // A force and a length give a time only with a mass.
+  const bool known = has_known_force(scene, sought) && has_known_length(scene, sought);
+  if (known && !masses) return std::nullopt;
   return ambiguity;
 }
 

@@ -73,18 +73,16 @@ constexpr auto patterns = std::to_array<Pattern>({
      [](Scene& s, Index i, Index) { return member(at(s.model.contacts, i), &Contact::clearance); }},
     {"contact.#.restitution", "",
      [](Scene& s, Index i, Index) {
-       Contact* of = at(s.model.contacts, i);
-       return of != nullptr && of->curve.is_constant() ? &of->restitution : nullptr;
+       return member(at(s.model.contacts, i), &Contact::restitution);
      }},
     {"contact.#.restitution.value", "",
      [](Scene& s, Index i, Index) {
-       Contact* of = at(s.model.contacts, i);
-       return of != nullptr && !of->curve.is_constant() ? &of->restitution : nullptr;
+       return member(at(s.model.contacts, i), &Contact::restitution);
      }},
     {"contact.#.restitution.slope", "s/m",
      [](Scene& s, Index i, Index) {
        Contact* of = at(s.model.contacts, i);
-       return of != nullptr && of->curve.slope != 0.0 ? &of->curve.slope : nullptr;
+       return of != nullptr ? &of->curve.slope : nullptr;
      }},
     {"contact.#.position", "m",
      [](Scene& s, Index i, Index) { return s.beam ? at(s.positions, i) : nullptr; }},
@@ -146,7 +144,7 @@ std::string pattern_of(std::string_view key, std::vector<Index>& numbers) {
     if (is_number(word)) {
       int number = 0;
       const auto read = std::from_chars(word.data(), word.data() + word.size(), number);
-      if (read.ec != std::errc() || number < 1) return {};
+      if (read.ec != std::errc() || word.front() == '0') return {};
       numbers.push_back(number - 1);
       pattern += '#';
     } else {

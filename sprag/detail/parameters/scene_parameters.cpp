@@ -69,6 +69,7 @@ void add_restitutions(const Model& model, std::vector<Parameter>& unknowns) {
     if (slope == 0.0) return;
     unknowns.push_back(linear(key + ".slope", "s/m", slope, -slope, reach_of_slope));
     unknowns.back().upper_limit = 0.0;
+    unknowns.back().within = reach_of_slope;
   };
   if (one) add("impact.restitution", contacts.front());
   for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
@@ -213,9 +214,7 @@ std::vector<HarmonicGroup> harmonic_groups(const Scene& scene, bool common) {
                         .frequency = scene.frame->motion.frequency,
                         .phase = scene.frame->motion.phase,
                         .of_frame = true};
-    for (const int i : scene.frame->on_ground) {
-      if (moves(model.contacts[static_cast<std::size_t>(i)].motion)) frame.contacts.push_back(i);
-    }
+    frame.contacts = scene.frame->on_ground;
     groups.insert(groups.begin(), std::move(frame));
     return groups;
   }
@@ -420,12 +419,14 @@ std::optional<Parameter> number_of(const Scene& scene, const std::string& key) {
   const std::optional<SceneNumber> number = scene_number(scene, key);
   if (!number) return std::nullopt;
   const std::string_view of = quantity(key);
+  // parameters_of() has all restitutions. A harmonic without an amplitude is no part of the motion.
+  const bool is_absent = of == "amplitude" && number->value == 0.0;
+  if (of == "restitution" || of == "slope" || is_absent) return std::nullopt;
   if (of == "phase") return phase_of(key, number->value);
-  if (key.starts_with("beam.damping_ratio"))
-    return damping_of(key, number->unit, number->value, 0.01);
+  if (of == "damping_ratio") return damping_of(key, number->unit, number->value, 0.01);
   Parameter unknown = positive(key, number->unit, number->value);
   if (of == "length") {
-    unknown.lower_limit = *std::max_element(scene.positions.begin(), scene.positions.end());
+    for (const double x : scene.positions) unknown.lower_limit = std::max(unknown.lower_limit, x);
   }
   if (unknown.nominal != 0.0 || !key.starts_with("system.")) return unknown;
   const Model& model = scene.model;
@@ -447,8 +448,11 @@ std::string listed(const Scene& scene, const std::vector<std::string_view>& keys
     if (!text.empty()) text += ", ";
     text += key;
   }
-  if (scene.kept)
-    return text + "; single numbers of the given coordinates are none with system.modes";
+  if (scene.kept) {
+    return text +
+           "; no single number of the given coordinates, since system.modes keeps fewer: "
+           "system.K and system.C are factors on all modes";
+  }
   return text + (scene.beam ? "; and beam.length, beam.mass_per_length"
                             : "; and entries such as system.K.1.1, contact.1.direction.1");
 }

@@ -32,7 +32,7 @@ bool is_of_clock(const Parameter& unknown);
 /// Whether a filter of state and parameters can estimate it: not one of the clock.
 bool can_be_filtered(const Parameter& unknown);
 
-/// Whether it is C or K or a part of them.
+/// Whether it is of the matrices M, C and K, or of the beam that they follow from.
 bool is_of_flow(const Parameter& unknown);
 
 /// The field of Tolerance that covers it: "restitution", "stiffness", "damping", "clearance", else

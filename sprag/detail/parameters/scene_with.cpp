@@ -36,9 +36,12 @@ SceneValues::SceneValues(const Scene& nominal, std::vector<Parameter> unknowns)
       unknowns_(std::move(unknowns)),
       groups_(harmonic_groups(nominal)),
       records_(recorded_inputs(nominal)) {
-  for (const bool single : {true, false}) {
+  const bool one = has_one_restitution(nominal.model);
+  for (const int order : {0, 1, 2}) {
     for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-      if (is_single(unknowns_[k].key) == single) in_order_.push_back(k);
+      const std::string& key = unknowns_[k].key;
+      const int own = is_single(key) ? 1 : one && key.starts_with("impact.") ? 0 : 2;
+      if (own == order) in_order_.push_back(k);
     }
   }
   for (const Parameter& unknown : unknowns_) setters_.push_back(setter_of(unknown.key));

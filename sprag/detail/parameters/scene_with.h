@@ -46,8 +46,9 @@ class SceneValues {
   std::vector<Parameter> unknowns_;
   std::vector<HarmonicGroup> groups_;
   std::vector<RecordedInput> records_;
-  std::vector<Setter> setters_;        // of each unknown
-  std::vector<std::size_t> in_order_;  // single numbers first: a common factor or shift is relative
+  std::vector<Setter> setters_;  // of each unknown
+  // One value for all contacts, then single numbers, then common factors and shifts.
+  std::vector<std::size_t> in_order_;
 };
 
 /// The scene with these values of some of its parameters, in its beam, frame, model, positions and
