@@ -1,14 +1,13 @@
 #include "sprag/detail/identification/gauss_newton.h"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/mechanics/interrupt.h"
-#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
-#include "sprag/detail/mechanics/wide_product.h"
 
 namespace sprag {
 namespace {
@@ -65,8 +64,7 @@ VectorXd solve(const MatrixXd& S, const VectorXd& rhs, const std::vector<Index>&
   if (free.empty()) return x;
   const MatrixXd A = columns_of(S, free);
   const VectorXd norms = A.colwise().norm().transpose().cwiseMax(1e-300);
-  const PivotedQR qr(A * norms.cwiseInverse().asDiagonal(), machine_epsilon);
-  const VectorXd y = qr.solve(rhs);
+  const VectorXd y = (A * norms.cwiseInverse().asDiagonal()).colPivHouseholderQr().solve(rhs);
   for (Index j = 0; j < A.cols(); ++j) x[free[static_cast<std::size_t>(j)]] = y[j] / norms[j];
   return x;
 }
@@ -104,7 +102,8 @@ MatrixXd inverse_root(MatrixXd A) {
   const Index P = A.cols();
   MatrixXd R = A.topRows(P);
   R.diagonal() = R.diagonal().unaryExpr([](double r) { return std::abs(r) > 1e-30 ? r : 1e-30; });
-  return norms.cwiseInverse().asDiagonal() * solve_upper(R, MatrixXd::Identity(P, P));
+  const MatrixXd inverse = R.triangularView<Eigen::Upper>().solve(MatrixXd::Identity(P, P));
+  return norms.cwiseInverse().asDiagonal() * inverse;
 }
 
 }  // namespace
@@ -289,10 +288,10 @@ void GaussNewton::sweep(const FitStretch& stretch, const VectorXd& at,
     const Index D = f == 1 ? row.noise.cols() : 0, e = f + D;  // eliminated: the time, the noise
     work_.setZero(m + 1 + e, m + e);
     if (f == 1) work_.col(0).head(m).noalias() = by_x * row.s;
-    if (D > 0) multiply(by_x, row.noise, work_.block(0, 1, m, D));
-    multiply(by_x, row.A, work_.block(0, e, m, N));
+    if (D > 0) work_.block(0, 1, m, D).noalias() = by_x * row.noise;
+    work_.block(0, e, m, N).noalias() = by_x * row.A;
     work_.block(0, e + N, m, columns) = R.middleCols(N, columns);
-    multiply_and_add(by_x, row.B, work_.block(0, e + N, m, columns));
+    work_.block(0, e + N, m, columns).noalias() += by_x * row.B;
     work_.col(e + N + columns).head(m) = R.col(m - 1);
     const double w = f == 1 ? row.weight / (slack * sigma) : row.weight;
     if (f == 1) work_(m, 0) = w * row.gamma;
@@ -334,7 +333,7 @@ VectorXd GaussNewton::start_step(const Path& path, const VectorXd& dc) const {
   const Index N = 2 * n_, columns = path.R.cols() - N - 1;
   VectorXd rhs = path.R.col(N + columns).head(N);
   if (dc.size() > 0) rhs -= path.R.block(0, N, N, dc.size()) * dc;
-  return solve_upper(path.R.topLeftCorner(N, N), rhs);
+  return path.R.topLeftCorner(N, N).triangularView<Eigen::Upper>().solve(rhs);
 }
 
 // Norms of the columns of theta before the starts are eliminated.
@@ -734,7 +733,7 @@ void GaussNewton::finish(EventFit& fit, const MatrixXd& S, Index fixed) {
   }
   if (free.empty()) return;
   const MatrixXd inverse = inverse_root(columns_of(S, free));
-  const MatrixXd covariance = product(inverse, inverse.transpose());
+  const MatrixXd covariance = inverse * inverse.transpose();
   for (Index i = 0; i < covariance.rows(); ++i) {
     for (Index j = 0; j < covariance.cols(); ++j) {
       fit.covariance(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) =
@@ -824,21 +823,22 @@ GaussNewton::Spread GaussNewton::spread(const EventFit& fit) {
   Spread spread;
   const Index N = 2 * n_;
   // Root of the covariance of c.
-  const CholeskyFactor of_c(fit.covariance + 1e-300 * MatrixXd::Identity(P_, P_));
-  MatrixXd root_of_c = of_c.L();
-  if (!of_c.exists()) {
+  const Eigen::LLT<MatrixXd> of_c(fit.covariance + 1e-300 * MatrixXd::Identity(P_, P_));
+  MatrixXd root_of_c = MatrixXd::Zero(P_, P_);
+  if (of_c.info() == Eigen::Success) {
+    root_of_c = of_c.matrixL();
+  } else {
     root_of_c = fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt().asDiagonal();
   }
   for (std::size_t i = 0; i < fit.stretches.size(); ++i) {
     const Path& path = paths_[i];
     // Deviations (x, c) = S xi of unit variances; each time adds one.
     MatrixXd S = MatrixXd::Zero(N + P_, N + P_);
-    const MatrixXd inverse = solve_upper(path.R.topLeftCorner(N, N), MatrixXd::Identity(N, N));
-    S.topLeftCorner(N, N) = inverse;
+    const auto R = path.R.topLeftCorner(N, N).triangularView<Eigen::Upper>();
+    S.topLeftCorner(N, N) = R.solve(MatrixXd::Identity(N, N));
     S.bottomRightCorner(P_, P_) = root_of_c;
-    if (P_ > 0)
-      S.topRightCorner(N, P_) = -product(inverse, product(path.R.block(0, N, N, P_), root_of_c));
-    if (i == 0) spread.start = product(S.topRows(N), S.topRows(N).transpose());
+    if (P_ > 0) S.topRightCorner(N, P_) = -R.solve(path.R.block(0, N, N, P_) * root_of_c);
+    if (i == 0) spread.start = S.topRows(N) * S.topRows(N).transpose();
     spread.leverage.emplace_back();
     for (std::size_t k = 0; k < fit.stretches[i].size(); ++k) {
       const Row& row = path.rows[k];
@@ -850,7 +850,7 @@ GaussNewton::Spread GaussNewton::spread(const EventFit& fit) {
           std::clamp(of_time.squaredNorm() / square(fit.sigma), 0.0, 1.0));
       MatrixXd next = MatrixXd::Zero(N + P_, S.cols() + 1);
       next.topLeftCorner(N, S.cols()) =
-          product(row.A, S.topRows(N)) + product(row.B.leftCols(P_), S.bottomRows(P_));
+          row.A * S.topRows(N) + row.B.leftCols(P_) * S.bottomRows(P_);
       next.topRows(N) += row.s * of_time;
       next.bottomLeftCorner(P_, S.cols()) = S.bottomRows(P_);
       MatrixXd transposed = next.transpose();

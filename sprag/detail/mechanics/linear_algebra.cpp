@@ -79,11 +79,6 @@ Eigen::MatrixXd QR::solve_R_transposed(const Eigen::MatrixXd& B) const {
       .solve(B);
 }
 
-Eigen::MatrixXd solve_upper(const Eigen::Ref<const Eigen::MatrixXd>& R, Eigen::MatrixXd B) {
-  R.triangularView<Eigen::Upper>().solveInPlace(B);
-  return B;
-}
-
 PivotedQR::PivotedQR(const Eigen::MatrixXd& A, double threshold) {
   reflections_ = A;
   if (A.cols() == 0) return;  // Eigen would take the maximum over no columns
@@ -112,8 +107,9 @@ Eigen::MatrixXd PivotedQR::solve(const Eigen::MatrixXd& B) const {
 
 // Eigen's solve() determines the rank by exact zeros; this uses the threshold.
 Eigen::MatrixXd PivotedQR::solve_rotated(const Eigen::MatrixXd& QtB) const {
-  const Eigen::MatrixXd Y =
-      solve_upper(reflections_.topLeftCorner(rank_, rank_), QtB.topRows(rank_));
+  const Eigen::MatrixXd Y = reflections_.topLeftCorner(rank_, rank_)
+                                .triangularView<Eigen::Upper>()
+                                .solve(QtB.topRows(rank_));
   Eigen::MatrixXd X = Eigen::MatrixXd::Zero(order_.size(), QtB.cols());
   for (Eigen::Index k = 0; k < rank_; ++k) X.row(order_[k]) = Y.row(k);
   return X;

@@ -76,9 +76,6 @@ class QR {
   Eigen::VectorXd coefficients_;
 };
 
-/// R^-1 B for an upper triangular R, n x n, of which the upper triangle is read.
-Eigen::MatrixXd solve_upper(const Eigen::Ref<const Eigen::MatrixXd>& R, Eigen::MatrixXd B);
-
 /// A P = Q R for A m x n, with column pivoting: columns in the order of their remaining norm. The
 /// rank is the number of pivots above `threshold` times the largest. Solves least squares with
 /// dependent columns.

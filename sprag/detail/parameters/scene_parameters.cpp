@@ -450,8 +450,8 @@ std::string listed(const Scene& scene, const std::vector<std::string_view>& keys
   }
   if (scene.kept) {
     return text +
-           "; no single number of the given coordinates, since system.modes keeps fewer: "
-           "system.K and system.C are factors on all modes";
+           "; single entries are no parameters with system.modes, where system.K and "
+           "system.C are factors on all modes";
   }
   return text + (scene.beam ? "; and beam.length, beam.mass_per_length"
                             : "; and entries such as system.K.1.1, contact.1.direction.1");
