@@ -44,8 +44,7 @@ constexpr std::array<std::string_view, notice_kinds> texts{
     "the machine's messages have jumped from t = {1} to t = {2}: a clock was turned, a host stood "
     "still, or an odd message came before; they are followed",
     "message on SPRAG_INPUT refused: it is not of type sprag.input_t, or a count, a time or a "
-    "value "
-    "is out of range"};
+    "value is out of range"};
 
 void describe(Notice notice, double first, double second, std::ostream& out) {
   std::string_view text = texts[static_cast<std::size_t>(notice)];

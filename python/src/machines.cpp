@@ -708,11 +708,9 @@ void bind_scene(py::module_& module) {
       "machine's own time where it is not given; tolerance: hard limits of deviations, for the "
       "bound on V. excitation: motion e(t) of a shaken frame [m], against which the model's "
       "coordinates are measured, with influence r in its force -M r e''(t), one number or f; "
-      "mount: "
-      "\"ground\" (default) or \"frame\" for each contact. modes: number of lowest modes to keep, "
-      "and static_vectors: orders of static vectors of the contacts; model and starts then have "
-      "the "
-      "N coordinates of the given model, all else those of kept.");
+      "mount: \"ground\" (default) or \"frame\" for each contact. modes: number of lowest modes to "
+      "keep, and static_vectors: orders of static vectors of the contacts; model and starts then "
+      "have the N coordinates of the given model, all else those of kept.");
   of_scene
       .def(py::init(&make_scene), "model"_a, py::kw_only(), "master"_a = State{},
            "replica"_a = State{}, "uncertainty"_a = py::none(), "drift"_a = 0.0, "jitter"_a = 0.0,
