@@ -18,7 +18,7 @@ std::string with_unit(double value, int digits, const std::string& unit) {
   return short_number(value, digits) + (unit.empty() ? "" : " " + unit);
 }
 
-std::string percent(double share) {
+std::string percent_explained(double share) {
   return share > nearly_all ? "more than 99.99 %" : short_number(100.0 * share, 4) + " %";
 }
 
@@ -106,7 +106,7 @@ std::string verdict(const Diagnosis& diagnosis) {
   }
   if (const Candidate* best = diagnosis.explanation()) {
     if (!(best->explained > 0.0)) return instead(*best) + " fits significantly better";
-    return instead(*best) + " explains " + percent(best->explained) + " of the misfit";
+    return instead(*best) + " explains " + percent_explained(best->explained) + " of the misfit";
   }
   std::string text = "no single parameter explains the misfit";
   if (diagnosis.candidates.empty()) return text;
