@@ -208,6 +208,10 @@ TEST(SceneWith, ASingleNumberIsOnTopOfACommonOne) {
           .model;
   EXPECT_EQ(model.contacts[0].restitution, 0.8);
   EXPECT_EQ(model.contacts[1].restitution, 0.3);
+}
+
+TEST(SceneWith, KeysOfNoNumberAreRefused) {
+  const Scene scene = parse_scene(two_tones, "two_tones.toml");
   for (const char* key : {"contact.01.clearance", "contact.3.clearance", "contact.1.position",
                           "force.1.gain", "beam.length", "system.M.1.2"}) {
     EXPECT_THROW(parameter_of(scene, key), std::invalid_argument) << key;

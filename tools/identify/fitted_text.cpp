@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
@@ -105,8 +104,8 @@ void set_harmonics(const Scene& fitted, const HarmonicGroup& group, const std::s
 // text, and for other keys.
 bool set_harmonics(const Scene& scene, const Scene& fitted, const std::string& key, Text& text) {
   const bool all = key.starts_with("excitations.");
+  if (!is_of_harmonic(key)) return false;
   const std::string number(quantity(key));
-  if (number != "amplitude" && number != "frequency" && number != "phase") return false;
   bool is_set = false;
   for (const HarmonicGroup& group : harmonic_groups(scene)) {
     if (!all && (group.of_frame || key != group.key + '.' + number)) continue;
@@ -153,32 +152,26 @@ void set_restitutions(const Scene& scene, const Scene& fitted, double value, Tex
 
 // Sets an entry of a matrix or a vector, whose place may have the name of a file.
 void set_entry(const Scene& fitted, const std::string& key, double value, Text& text) {
-  const std::size_t last = key.rfind('.');
+  const SceneNumber number = *scene_number(fitted, key);
+  const auto i = static_cast<std::size_t>(number.i);
   const std::string_view of = quantity(key);
-  if (!key.starts_with("system.")) {
-    const std::string path = key.substr(0, last);
-    const auto i = static_cast<std::size_t>(std::atoi(key.c_str() + key.find('.') + 1)) - 1;
-    if (of == "damping_ratio") {
-      text.set(damping_ratio_path(text, "beam"), fitted.beam->damping_ratio);
-    } else if (of == "influence") {
-      text.set(path, fitted.frame->influence);
-    } else if (key.starts_with("force.")) {
-      text.set(path, fitted.model.forces[i].direction);
-    } else {
-      text.set(path, fitted.model.contacts[i].w);
+  const std::string path = key.substr(0, key.rfind('.'));
+  const Model& model = fitted.model;
+  if (number.symmetric) {
+    const std::string matrix = "system." + std::string(of);
+    if (text.is_file(matrix)) {
+      set_matrix(matrix, of == "M" ? model.M : of == "C" ? model.C : model.K, text);
+      return;
     }
-    return;
+    text.set(entry(matrix, number.i, number.j), value);
+    text.set(entry(matrix, number.j, number.i), value);
+  } else if (of == "damping_ratio") {
+    text.set(damping_ratio_path(text, "beam"), fitted.beam->damping_ratio);
+  } else if (of == "influence") {
+    text.set(path, fitted.frame->influence);
+  } else {
+    text.set(path, key.starts_with("force.") ? model.forces[i].direction : model.contacts[i].w);
   }
-  const std::string matrix = "system." + std::string(of);
-  if (text.is_file(matrix)) {
-    const Model& model = fitted.model;
-    set_matrix(matrix, of == "M" ? model.M : of == "C" ? model.C : model.K, text);
-    return;
-  }
-  const std::size_t first = key.rfind('.', last - 1);
-  const std::string mirrored = matrix + key.substr(last) + key.substr(first, last - first);
-  text.set(key, value);
-  if (mirrored != key) text.set(mirrored, value);
 }
 
 void set_unknown(const Scene& scene, const Scene& fitted, const FittedUnknown& of, Text& text) {

@@ -46,9 +46,8 @@ std::vector<Parameter> single_causes(const Scene& scene, const std::vector<std::
   const bool is_phase = only_frequency(scene.model) > 0.0;
   std::vector<Parameter> causes = common;
   for (Parameter& unknown : parameters_of(scene)) {
-    const std::string_view of = quantity(unknown.key);
-    const bool of_one = of == "amplitude" || of == "phase" || of == "frequency";
-    if (of == "constant" || (together && of_one)) continue;
+    const bool of_one = together && is_of_harmonic(unknown.key);
+    if (quantity(unknown.key) == "constant" || of_one) continue;
     causes.push_back(std::move(unknown));
   }
   if (!keys.empty()) {

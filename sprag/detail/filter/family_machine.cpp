@@ -10,7 +10,6 @@
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
-#include "sprag/detail/parameters/scene_number.h"
 
 namespace sprag {
 namespace {
@@ -36,11 +35,7 @@ FamilyOfMachines::FamilyOfMachines(const Scene& scene, std::vector<Parameter> un
   const Model& model = scene.model;
   // A harmonic with a frequency of its own is a group of its own.
   for (const Parameter& unknown : this->unknowns()) {
-    const auto has_group = [&](const HarmonicGroup& group) {
-      return unknown.key.starts_with(group.key + '.');
-    };
-    if (quantity(unknown.key) != "frequency" || !scene_number(scene, unknown.key)) continue;
-    if (std::none_of(groups_.begin(), groups_.end(), has_group)) {
+    if (quantity(unknown.key) == "frequency" && values_.single_number(unknown.key)) {
       groups_ = harmonic_groups(scene, false);
     }
   }

@@ -223,6 +223,11 @@ std::string_view quantity(std::string_view key) {
   return key;
 }
 
+bool is_of_harmonic(std::string_view key) {
+  const std::string_view of = quantity(key);
+  return of == "amplitude" || of == "frequency" || of == "phase";
+}
+
 bool is_of_entry(std::string_view key) { return is_number(key.substr(key.rfind('.') + 1)); }
 
 }  // namespace sprag

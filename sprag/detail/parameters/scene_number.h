@@ -35,6 +35,9 @@ void update_from(const Scene& nominal, Scene& scene);
 /// of contact.1.restitution.slope, "K" of system.K.1.2.
 std::string_view quantity(std::string_view key);
 
+/// Whether a key is of the amplitude, the frequency or the phase of a harmonic or of several.
+bool is_of_harmonic(std::string_view key);
+
 /// Whether a key is of a single entry of a matrix or a vector.
 bool is_of_entry(std::string_view key);
 

@@ -121,15 +121,23 @@ double Parameter::value(double of_coordinate) const {
   return logarithmic ? nominal * std::exp(of_coordinate) : nominal + unit_step * of_coordinate;
 }
 
+namespace {
+
+// Largest change to search, in coordinates.
+double most_of(const Parameter& of) {
+  if (of.reach > 0.0) return of.reach;
+  return (of.logarithmic ? std::log1p(2.0 * of.within) : 2.0 * of.within) + margin;
+}
+
+}  // namespace
+
 double Parameter::highest() const {
-  double most = reach;
-  if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
+  const double most = most_of(*this);
   return upper_limit < infinity ? std::min(most, coordinate(upper_limit)) : most;
 }
 
 double Parameter::lowest() const {
-  double most = reach;
-  if (reach == 0.0) most = (logarithmic ? std::log1p(2.0 * within) : 2.0 * within) + margin;
+  const double most = most_of(*this);
   return lower_limit > -infinity ? std::max(-most, coordinate(lower_limit)) : -most;
 }
 

@@ -1,6 +1,7 @@
 #include "sprag/detail/parameters/scene_with.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 #include <utility>
@@ -37,38 +38,37 @@ SceneValues::SceneValues(const Scene& nominal, std::vector<Parameter> unknowns)
       groups_(harmonic_groups(nominal)),
       records_(recorded_inputs(nominal)) {
   const bool one = has_one_restitution(nominal.model);
-  for (const int order : {0, 1, 2}) {
-    for (std::size_t k = 0; k < unknowns_.size(); ++k) {
-      const std::string& key = unknowns_[k].key;
-      const int own = is_single(key) ? 1 : one && key.starts_with("impact.") ? 0 : 2;
-      if (own == order) in_order_.push_back(k);
-    }
+  std::array<std::vector<std::size_t>, 3> in_order;
+  for (std::size_t k = 0; k < unknowns_.size(); ++k) {
+    const std::string& key = unknowns_[k].key;
+    const std::optional<SceneNumber> number = single_number(key);
+    setters_.push_back(number ? setter_of(key, *number) : setter_of_several(key));
+    in_order[number ? 1 : one && key.starts_with("impact.") ? 0 : 2].push_back(k);
   }
-  for (const Parameter& unknown : unknowns_) setters_.push_back(setter_of(unknown.key));
+  for (const auto& of : in_order) in_order_.insert(in_order_.end(), of.begin(), of.end());
 }
 
-bool SceneValues::is_single(const std::string& key) const {
-  const std::string_view of = quantity(key);
-  const bool of_harmonic = of == "amplitude" || of == "frequency" || of == "phase";
+std::optional<SceneNumber> SceneValues::single_number(const std::string& key) const {
   const auto is_of = [&](const HarmonicGroup& group) { return key.starts_with(group.key + '.'); };
-  if (of_harmonic && std::any_of(groups_.begin(), groups_.end(), is_of)) return false;
-  return scene_number(nominal_, key).has_value();
+  if (is_of_harmonic(key) && std::any_of(groups_.begin(), groups_.end(), is_of)) {
+    return std::nullopt;
+  }
+  return scene_number(nominal_, key);
 }
 
-SceneValues::Setter SceneValues::setter_of(const std::string& key) const {
-  if (is_single(key) && quantity(key) == "position") {
-    // find_directions() replaces a direction that is not a number.
-    return [number = *scene_number(nominal_, key)](double value, Scene& scene, Records&) {
-      if (*number.at(scene, number.i, 0) == value) return;
-      number.set(value, scene);
-      scene.model.contacts[static_cast<std::size_t>(number.i)].w.setConstant(std::nan(""));
-    };
+SceneValues::Setter SceneValues::setter_of(const std::string& key, const SceneNumber& number) {
+  if (quantity(key) != "position") {
+    return [number](double value, Scene& scene, Records&) { number.set(value, scene); };
   }
-  if (is_single(key)) {
-    return [number = *scene_number(nominal_, key)](double value, Scene& scene, Records&) {
-      number.set(value, scene);
-    };
-  }
+  // find_directions() replaces a direction that is not a number.
+  return [number](double value, Scene& scene, Records&) {
+    if (*number.at(scene, number.i, 0) == value) return;
+    number.set(value, scene);
+    scene.model.contacts[static_cast<std::size_t>(number.i)].w.setConstant(std::nan(""));
+  };
+}
+
+SceneValues::Setter SceneValues::setter_of_several(const std::string& key) const {
   const std::string_view of = quantity(key);
   if (of == "restitution") {
     // A factor if the contacts' restitutions differ.

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,8 @@ class SceneValues {
   const std::vector<RecordedInput>& records() const { return records_; }
   /// Settings of the nominal scene's records.
   std::vector<GainAndDelay> gains_and_delays() const;
+  /// The number of a key that is of no group of harmonics or records, and no common factor.
+  std::optional<SceneNumber> single_number(const std::string& key) const;
 
   /// Sets all unknowns in `scene`, a copy of the nominal scene with any values of them, except that
   /// its recorded inputs do not change: their gains and delays are in `records`. Does not allocate.
@@ -38,8 +41,8 @@ class SceneValues {
 
   void reset(Scene& scene, std::vector<GainAndDelay>& records) const;
   void find_directions(double old_length, Scene& scene) const;
-  bool is_single(const std::string& key) const;
-  Setter setter_of(const std::string& key) const;
+  static Setter setter_of(const std::string& key, const SceneNumber& number);
+  Setter setter_of_several(const std::string& key) const;
   Setter setter_of_harmonics(const std::string& key) const;
 
   Scene nominal_;
