@@ -16,39 +16,20 @@
 namespace sprag {
 namespace {
 
-// find(), expect() and scan(): Gauss-Newton iteration on the time of an event.
+// find() and expect(): Gauss-Newton iteration on the time of an event. condense(): placements of
+// its nodes.
 constexpr int most_steps = 12;
 constexpr double settled = 1e-2;      // tolerance, in deviations of the event time
 constexpr double longest_step = 2.0;  // in sigma
-constexpr int newton_steps = 4;
-constexpr double scan_reach = 4.0;  // in sigma
-constexpr int scanned = 17;         // number of times
 // condense(): nodes around the most likely time.
 constexpr double node_reach = 4.2;  // in deviations of the event time
 constexpr int fewest_nodes = 5, most_nodes = 25;
 constexpr double negligible = 1e-14;  // nodes below this weight are pruned
 constexpr double most_share = 0.85;   // nodes move closer to a node of more weight
-constexpr double closer = 0.25;
-constexpr int most_placements = 12;
-// Bursts: two events that are apart for certain, in deviations of the second one's time; half the
-// range of the nodes, in sigma.
-constexpr double separate = 10.0;
-constexpr double burst_reach = 2.5;
-constexpr int burst_nodes = 11;
-// Two contacts count as uncoupled below this: change of one gap velocity by an impulse that changes
-// the other one by 1.
-constexpr double negligible_coupling = 1e-9;
+// scan() and burst(): times within node_reach sigma, about half a sigma apart.
+constexpr int spread_nodes = 17;
 // After a burst: mean and deviation of the contact's speed, in units of its speed before the burst.
 constexpr double leaving_speed = 0.75, leaving_sigma = 0.6;
-// overdue(): gap or force beyond zero in its deviations, time since the zero crossing in sigma, and
-// the factor on the variance of rounding.
-constexpr double silent_gaps = 6.7, silent_reports = 9.0;
-constexpr double silent_rounding = 1e6;  // of variances
-// Exact times: the master's tolerance of a touch, with a margin.
-constexpr double touch = 2.0 * touching;
-// measure_rest() requires the prior variance of the gap velocity to exceed that of the measurement
-// by this factor.
-constexpr double rest_variance_ratio = 100.0;
 
 }  // namespace
 
@@ -114,11 +95,11 @@ bool EventFilter::precedes_last(const Event& event, double tau, const FilterBeli
 // there.
 void EventFilter::scan(const Event& event, const FilterBelief& belief) {
   const double sigma = belief.sigma;
-  const double half = scan_reach * sigma / (scanned - 1);
+  const double half = node_reach * sigma / (spread_nodes - 1);
   const bool opens = event.kind == Kind::opens;
   double least = infinity;
-  for (int i = 0; i < scanned; ++i) {
-    double tau = scan_reach * sigma * (2.0 * i / (scanned - 1) - 1.0);
+  for (int i = 0; i < spread_nodes; ++i) {
+    double tau = node_reach * sigma * (2.0 * i / (spread_nodes - 1) - 1.0);
     at_.fly(event.t - tau, belief.z, belief);
     at_.look(event.contact, opens, event.t);
     double g = at_.of.g, v = at_.of.velocity;
@@ -169,7 +150,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
         belief.speed = std::max(belief.speed, std::abs(v));
       }
       const double margin = at_.psi.norm() + std::abs(at_.of.acceleration) * sigma;
-      if (sigma > 0.0 && !(v < -scan_reach * margin)) {
+      if (sigma > 0.0 && !(v < -node_reach * margin)) {
         scan(event, belief);
         point_.grazes = true;
         set_point();
@@ -194,7 +175,7 @@ bool EventFilter::find(const Event& event, FilterBelief& belief) {
     point_.square = square(factor) * (variance - noise);
     if (sigma == 0.0) {
       const double floor =
-          square(impulse_rounding * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
+          square(contact_rounding * std::max(opens ? 0.0 : belief.length, at_.of.rounding));
       point_.square = square(factor) * square(variance) / (variance + floor);
     }
     point_.tau = sigma * xi_tau_;
@@ -218,7 +199,7 @@ bool EventFilter::resolves(const Event& event, FilterBelief& belief) {
   at_.spread(belief, event.t - belief.t);
   if (!find(event, belief)) return false;
   const double apart = event.t - point_.tau - belief.occurred[event.contact];
-  return apart > indistinct * belief.sigma && apart > separate * point_.spread;
+  return apart > indistinct * belief.sigma && apart > certain * point_.spread;
 }
 
 // Finds the event time by the belief, linearized about the motion of `about`. Returns false if that
@@ -232,18 +213,19 @@ bool EventFilter::expect(const Event& event, const FilterBelief& about,
   point_.z.head(2 * n()) = flight().x();
   // The event of the motion `about`, by Newton steps.
   double tau = 0.0;
-  for (int i = 0; i < newton_steps; ++i) {
+  double step = infinity;
+  for (int i = 0; i < most_steps && std::abs(step) > settled * belief.sigma; ++i) {
     at_.fly(event.t - tau, point_.z, belief);
     at_.look(event.contact, opens, event.t);
-    const double step = std::clamp(at_.of.g / at_.of.velocity, -longest_step * belief.sigma,
-                                   longest_step * belief.sigma);
+    step = std::clamp(at_.of.g / at_.of.velocity, -longest_step * belief.sigma,
+                      longest_step * belief.sigma);
     if (!std::isfinite(step)) return false;
     tau += step;
   }
   at_.fly(event.t - tau, point_.z, belief);
   at_.look(event.contact, opens, event.t);
   // Near grazing the gap is not linear in the time.
-  const double bent = scan_reach * std::abs(at_.of.acceleration) * belief.sigma;
+  const double bent = node_reach * std::abs(at_.of.acceleration) * belief.sigma;
   if (!opens && !(at_.of.velocity < -bent)) return false;
   offset_ = belief.z - point_.z;
   at_.carry(offset_);
@@ -342,7 +324,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
                      velocity_by_c_.dot(node.columns.col(j).tail(unknowns())));
     }
     node.after_sigma = std::sqrt(seen);
-    if (exact) moved.col(columns - 1) += (event_rounding * event.t) * on.by_time();
+    if (exact) moved.col(columns - 1) += (measurement_rounding * event.t) * on.by_time();
   } else {
     node.held = released(event.contact, belief);
   }
@@ -363,7 +345,7 @@ void EventFilter::condition(const Event& event, const FilterBelief& belief, Node
 // Variance of the gap velocity at the end of a completed chatter: the bounces that the master
 // completes last up to chatter_time.
 double EventFilter::remainder(const Event& event) {
-  const double off = std::max(model_.chatter_time, event_rounding * event.t);
+  const double off = std::max(model_.chatter_time, measurement_rounding * event.t);
   flight().acceleration_gradient(event.contact, kick_);
   next_.noalias() = at_.X.transpose().lazyProduct(kick_);
   return square(off) * (square(at_.of.acceleration) + next_.squaredNorm());
@@ -381,7 +363,7 @@ double EventFilter::variance_of_unreported(const Event& event) {
 void EventFilter::measure_rest(const Event& event, double gamma) {
   if (flight().contacts() > 1 || !(flight().restitution(event.contact) > 0.0)) return;
   const double left = remainder(event);
-  if (!(at_.psi.squaredNorm() > rest_variance_ratio * left)) return;
+  if (!(at_.psi.squaredNorm() > left)) return;
   at_.phi = at_.psi;
   at_.measure(gamma, left + square(measurement_rounding * at_.of.velocity), x_, c_);
 }
@@ -465,13 +447,13 @@ EventFilter::Placement EventFilter::place(const Event& event, double center, dou
 // the nodes move to it, closer together. A peak may be so narrow that it has less mass than the
 // nodes around it; then these are used, and the node on the peak gets the mass of the peak.
 bool EventFilter::condense(const Event& event, double reach, int nodes, FilterBelief& belief) {
-  std::array<Placement, most_placements> placed;
+  std::array<Placement, most_steps> placed;
   std::size_t last = 0;
   placed[0] = place(event, point_.tau, reach, nodes, belief);
   while (nodes > 1 && last + 1 < placed.size() && std::isfinite(placed[last].largest) &&
          placed[last].total < 1.0 / most_share) {
     const double center = nodes_[index(placed[last].heaviest)].tau;
-    double next = closer * placed[last].reach;
+    double next = 2.0 * placed[last].reach / (nodes - 1);
     // The middle of the first nodes is the most likely time, whose spread is known.
     if (last == 0 && 2 * placed[0].heaviest == nodes - 1) {
       next = std::min(next, node_reach * point_.spread);
@@ -543,7 +525,7 @@ void EventFilter::describe(const Event& event, int nodes, FilterBelief& belief) 
   belief.t = event.t - point_.tau;
   belief.occurred[event.contact] = belief.t;
   belief.rebound[event.contact] = rebound;
-  const double rounding = belief.sigma > 0.0 ? event_rounding * event.t : 0.0;
+  const double rounding = belief.sigma > 0.0 ? measurement_rounding * event.t : 0.0;
   impact.time_sigma = std::hypot(std::sqrt(std::max(squares - square(mean), 0.0)), rounding);
   impact.time = belief.t - mean;
   impact.held_before = belief.held;
@@ -609,7 +591,7 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   }
   at_.spread(belief, event.t - belief.t);
   if (exact && contains(belief.touched, event.contact)) {
-    event.extra = square(touch * belief.length);
+    event.extra = square(touching * belief.length);
   }
   if (exact && event.kind == Kind::stays) {
     at_.fly(event.t, belief.z, belief);
@@ -641,7 +623,7 @@ bool EventFilter::update(const ContactEvent& given, FilterBelief& belief,
   if (before > 0.0) {
     const double energy_left = energy(x_);
     belief.log_left += std::log(energy_left / before);
-    if (-2.0 * belief.log_left > largest_innovation) belief.square = infinity;
+    if (-2.0 * belief.log_left > square(certain)) belief.square = infinity;
   }
   if (exact) note_touched(event.t, event.contact, belief);
   return true;
@@ -655,7 +637,7 @@ void EventFilter::note_touched(double t, int contact, FilterBelief& belief) {
   for (int i = 0; i < flight().contacts(); ++i) {
     if (i == contact) continue;
     const Flight::Gap gap = flight().gap(i);
-    const bool touches = std::abs(gap.g) < touch * std::max(belief.length, gap.length);
+    const bool touches = std::abs(gap.g) < touching * std::max(belief.length, gap.length);
     belief.touched = touches ? belief.touched | bit(i) : belief.touched & ~bit(i);
   }
   belief.touched &= ~belief.closed;
@@ -713,7 +695,7 @@ bool EventFilter::take_together(std::span<const ContactEvent> events, FilterBeli
     at_.X.col(columns).setZero();
     for_each(closing, [&](int i) {
       flight().along(i, kick_);
-      at_.X.col(columns) += (impulse_rounding * belief.speed) * kick_;
+      at_.X.col(columns) += (contact_rounding * belief.speed) * kick_;
     });
     ++columns;
     flight().carry(at_.X.leftCols(columns));
@@ -735,17 +717,17 @@ bool EventFilter::measure_together(double t, ContactSet closing, ContactSet stay
     at_.look(i, false, t);
     belief.length = std::max(belief.length, at_.of.length);
     belief.speed = std::max(belief.speed, std::abs(at_.of.velocity));
-    double noise = at_.noise + square(touch * belief.length);
+    double noise = at_.noise + square(touching * belief.length);
     if (contains(staying, i)) noise += variance_of_unreported({i, Kind::stays, t, 0.0});
     const double variance = at_.phi.squaredNorm() + noise;
-    const double floor = square(impulse_rounding * belief.length);
+    const double floor = square(contact_rounding * belief.length);
     belief.square = std::max(belief.square, square(at_.of.g) / (variance + floor));
     belief.innovation = {t, i, at_.of.g, std::sqrt(variance)};
     at_.measure(at_.of.g, noise, x_, c_);
   });
   if (before > 0.0) {
     belief.log_left += std::log(energy(x_) / before);
-    if (-2.0 * belief.log_left > largest_innovation) belief.square = infinity;
+    if (-2.0 * belief.log_left > square(certain)) belief.square = infinity;
   }
   return x_.allFinite();
 }
@@ -771,7 +753,7 @@ bool EventFilter::burst(const Event& given, FilterBelief& belief) {
   point_.tau = std::min(0.0, given.t - belief.occurred[contact]);
   const Event event{contact, Kind::stays, given.t,
                     square(speed * belief.sigma) + std::numeric_limits<double>::min()};
-  if (!condense(event, burst_reach * belief.sigma, burst_nodes, belief)) return false;
+  if (!condense(event, node_reach * belief.sigma, spread_nodes, belief)) return false;
   belief.rebound[contact] = speed;
   if (given.kind != Kind::stays) belief.bursting |= bit(contact);
   return true;
@@ -827,7 +809,7 @@ bool EventFilter::can_separate(std::span<const ContactEvent> events, const Filte
       fly_mean(belief.t, belief);
       flight().gradients(i, false, at_.of_g, at_.of_velocity);
       flight().along(event.contact, kick_);
-      if (std::abs(at_.of_velocity.dot(kick_)) > negligible_coupling) return false;
+      if (std::abs(at_.of_velocity.dot(kick_)) > contact_rounding) return false;
     }
   }
   return true;
@@ -931,12 +913,13 @@ int EventFilter::overdue(double t, const FilterBelief& belief) {
     const auto signal = [&] { return held ? flight().force(i).g : flight().gap(i).g; };
     if (!(signal() < 0.0)) continue;
     // The master does not report the bounces of a completed chatter, which last up to chatter_time.
-    const double before = t - silent_reports * belief.sigma - (held ? 0.0 : model_.chatter_time);
+    const double before = t - certain * belief.sigma - (held ? 0.0 : model_.chatter_time);
     if (!(before > belief.t)) continue;
     mean(t, belief);
     at_.look(i, held, t);
-    const double deviation = std::sqrt(at_.phi.squaredNorm() + silent_rounding * at_.noise);
-    if (!(at_.of.g < -silent_gaps * deviation)) continue;
+    const double rounding = contact_rounding * at_.of.rounding;
+    const double deviation = std::sqrt(at_.phi.squaredNorm() + at_.noise + square(rounding));
+    if (!(at_.of.g < -certain * deviation)) continue;
     fly_mean(before, belief);
     if (signal() < 0.0) return i;
     fly_mean(t, belief);

@@ -30,10 +30,10 @@
 namespace sprag {
 
 /// Relative accuracies on machines with several contacts. The impact law, also the master's,
-/// resolves impulses to `impulse_rounding` times the largest gap velocity. Positions are accurate
-/// to `position_rounding` times the largest sum of absolute terms of a gap. With exact times an
-/// innovation below `impulse_rounding` times these terms is rounding.
-inline constexpr double impulse_rounding = 1e-10, position_rounding = 2e-11;
+/// resolves impulses to this share of the largest gap velocity, and positions to this share of the
+/// largest sum of absolute terms of a gap. With exact times an innovation below this share of these
+/// terms is rounding.
+inline constexpr double contact_rounding = 1e-10;
 
 class EventFilter {
  public:

@@ -5,6 +5,9 @@
 
 namespace sprag {
 
+/// Number of looks in a while in which a gap or a force may be negative.
+inline constexpr int looks = 16;
+
 struct Fall {
   double t = 0.0;          ///< the signal fell below zero there, and was negative for a while
   double lowest = 0.0;     ///< its lowest value in that while, as far as was looked
@@ -15,7 +18,7 @@ struct Fall {
 /// fallen below zero, and bisects. `t` is `from` if the signal was negative from there on. Nothing
 /// if it was not negative at any of these times.
 template <typename Signal>
-std::optional<Fall> latest_fall(double from, double to, int looks, const Signal& signal) {
+std::optional<Fall> latest_fall(double from, double to, const Signal& signal) {
   constexpr double tolerance = 1e-6;  // of the interval: negative from `from` on
   constexpr int halvings = 40;
   std::optional<Fall> fall;

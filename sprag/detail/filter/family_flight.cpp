@@ -16,9 +16,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-// Step of the central differences in c. Its truncation error is far below any deviation of c, and
-// the rounding error of the difference stays small.
-constexpr double difference_of_c = 4e-6;
 // a, a', a'', a''' of each record are inputs.
 constexpr Eigen::Index chain = 4;
 
@@ -91,7 +88,7 @@ void FamilyFlight::set(const ConstVector& c, bool derivatives) {
     const double value = values_[k];
     for (int side = 0; side < 2; ++side) {
       Variant& variant = variants_[static_cast<std::size_t>(1 + 2 * k + side)];
-      values_[k] = unknown.value(c[k] + (side == 0 ? difference_of_c : -difference_of_c));
+      values_[k] = unknown.value(c[k] + (side == 0 ? difference_step : -difference_step));
       family_.set(values_, centre().machine, variant.machine);
       variant.moves_like_centre = variant.machine.moves_like(centre().machine);
     }
@@ -375,7 +372,7 @@ void FamilyFlight::difference() {
   x_ = centre().x;
   for (Eigen::Index k = 0; derivatives_ && k < unknowns(); ++k) {
     const auto j = static_cast<std::size_t>(1 + 2 * k);
-    by_c_.col(k) = (variants_[j].x - variants_[j + 1].x) / (2.0 * difference_of_c);
+    by_c_.col(k) = (variants_[j].x - variants_[j + 1].x) / (2.0 * difference_step);
   }
 }
 
@@ -432,7 +429,7 @@ void FamilyFlight::turn(double tau, ContactSet held, Columns dx) {
 
 void FamilyFlight::carry_by_unknown(Eigen::Index k, Vector dx) {
   const auto j = static_cast<std::size_t>(1 + 2 * k);
-  const double h = 2.0 * difference_of_c;
+  const double h = 2.0 * difference_step;
   if (!in_closed_form(0)) {
     column_ = dx;
     dx.noalias() = (whole(variants_[j]) - whole(variants_[j + 1])).lazyProduct(column_) / h;
@@ -589,8 +586,8 @@ void FamilyFlight::differences(int contact, bool of_force, Vector of_g, Vector o
   for (Eigen::Index k = 0; k < unknowns(); ++k) {
     const auto j = static_cast<std::size_t>(1 + 2 * k);
     const Gap above = at(j), below = at(j + 1);
-    of_g[k] = (above.g - below.g) / (2.0 * difference_of_c);
-    of_velocity[k] = (above.velocity - below.velocity) / (2.0 * difference_of_c);
+    of_g[k] = (above.g - below.g) / (2.0 * difference_step);
+    of_velocity[k] = (above.velocity - below.velocity) / (2.0 * difference_step);
   }
 }
 
@@ -672,10 +669,10 @@ ContactSet FamilyFlight::strike(int contact, bool stays, ContactSet held, double
     std::swap(change_, jump_);
     if (bend_.size() > 0) {
       // The jump is linear in epsilon, which depends on gamma-.
-      find_jump(contact, epsilon + epsilon_step, ends_chatter, others, variant, jump_);
+      find_jump(contact, epsilon + difference_step, ends_chatter, others, variant, jump_);
       change_.direction *= change_.change;
       change_.change = 1.0;
-      bend_.tail(n()) = (jump_.change * jump_.direction - change_.direction) / epsilon_step;
+      bend_.tail(n()) = (jump_.change * jump_.direction - change_.direction) / difference_step;
       change_.direction -= (slope * velocity) * bend_.tail(n());
       bend_ *= scatter;
     }

@@ -137,7 +137,7 @@ class FamilyFlight final : public Flight {
 
   FamilyOfMachines family_;
   std::vector<InputCursor> cursors_;
-  std::vector<Variant> variants_;  // the centre; then two for each unknown, c_k +- difference_of_c
+  std::vector<Variant> variants_;  // the centre; then two for each unknown, c_k +- difference_step
   bool derivatives_ = false;
   Eigen::VectorXd c_, values_;
   Eigen::VectorXd by_time_, stiffness_;

@@ -131,7 +131,7 @@ void LinearizedFlight::look(int contact, bool of_force, double t) {
     if (!of_force) psi.noalias() += T.transpose().lazyProduct(velocity_by_c);
   }
   noise = square(measurement_rounding * of.rounding) +
-          square(event_rounding * t) * (square(of.velocity) + psi.squaredNorm());
+          square(measurement_rounding * t) * (square(of.velocity) + psi.squaredNorm());
 }
 
 void LinearizedFlight::update_along(const Eigen::VectorXd& row, double shift, double share,

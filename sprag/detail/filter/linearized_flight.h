@@ -8,7 +8,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
 #include <vector>
 
 #include "sprag/detail/filter/filter_belief.h"
@@ -16,8 +15,6 @@
 
 namespace sprag {
 
-/// Relative rounding of event times.
-inline constexpr double event_rounding = 16.0 * std::numeric_limits<double>::epsilon();
 /// Events closer than so many deviations of their times may be simultaneous.
 inline constexpr double indistinct = 3.0;
 

@@ -280,10 +280,10 @@ ContactSet ModelFlight::strike(int contact, bool stays, ContactSet held, double 
   change_ = jump.change;
   if (bend_.size() > 0) {
     // The jump is linear in epsilon, which depends on gamma-.
-    const Jump next = jump_of(contact, epsilon + epsilon_step, ends_chatter, others, bend_);
+    const Jump next = jump_of(contact, epsilon + difference_step, ends_chatter, others, bend_);
     direction_ *= jump.change;
     change_ = 1.0;
-    bend_ = (next.change * bend_ - direction_) / epsilon_step;
+    bend_ = (next.change * bend_ - direction_) / difference_step;
     direction_ -= (slope * velocity) * bend_;
     bend_ *= scatter;
   }

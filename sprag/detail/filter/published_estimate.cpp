@@ -6,6 +6,7 @@
 
 #include "sprag/detail/filter/fall.h"
 #include "sprag/detail/filter/flux.h"
+#include "sprag/detail/filter/track.h"
 #include "sprag/detail/filter/triangularize.h"
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -16,14 +17,6 @@ namespace {
 constexpr int most_unreported = 8;
 // Least probability of either case: the tails of a predicted time are not Gaussian.
 constexpr double least_probability = 1e-3;
-// A tick later than the last event by more than so many deviations of its time follows it for
-// certain.
-constexpr double last_reach = 6.0;
-// An unreported event is possible if the gap or the contact force is below so many deviations, and
-// for so many deviations of a report.
-constexpr double possible_event = 8.0;
-// Number of looks for the time at which a gap or a force fell below zero.
-constexpr int looks = 16;
 
 // Probability that an event has happened, given that no report has come. `beyond`: the mean's
 // distance past the event, in deviations of the gap. `ago`: time since then, in deviations of a
@@ -64,7 +57,7 @@ void PublishedEstimate::find(double t, const FilterBelief& belief) {
     return;
   }
   const double s = belief.impact.time_sigma;
-  const bool is_recent = s > 0.0 && t < belief.impact.time + last_reach * s;
+  const bool is_recent = s > 0.0 && t < belief.impact.time + certain * s;
   if (belief.sigma > 0.0 && !(is_recent && t < belief.impact.time)) mix_unreported(t, belief);
   if (is_recent) mix_last(t, belief);
 }
@@ -132,7 +125,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     std::optional<Fall> found;
     if (const double back = look_back(present, longest, belief); back > 0.0) {
       moved = true;
-      found = latest_fall(t - back, t, looks, [&](double then) {
+      found = latest_fall(t - back, t, [&](double then) {
         flight().fly(belief.z.head(2 * at_->n()), belief.t, then - belief.t, belief.held);
         return signal().g;
       });
@@ -144,7 +137,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
     if (moved) at_->fly(fall.lowest_at, belief.z, belief);
     at_->look(i, opens, fall.lowest_at);
     const double s = std::sqrt(at_->phi.squaredNorm() + at_->noise);
-    if (!(fall.lowest < possible_event * s)) continue;
+    if (!(fall.lowest < certain * s)) continue;
     const double ago = t - fall.t, p = probability(-fall.lowest / s, ago / belief.sigma);
     if (first.contact >= 0 && !(ago > first.ago || (ago == first.ago && p > first.p))) continue;
     first = {i, opens, ago, p};
@@ -159,7 +152,7 @@ PublishedEstimate::Unreported PublishedEstimate::next(double t, double longest,
 double PublishedEstimate::look_back(const Flight::Gap& present, double longest,
                                     const FilterBelief& belief) {
   if (present.g < 0.0) return longest;
-  const double back = std::min(longest, possible_event * belief.sigma);
+  const double back = std::min(longest, certain * belief.sigma);
   const double change =
       std::abs(present.velocity) * back + std::abs(present.acceleration) * square(back);
   return present.g < 2.0 * change ? back : 0.0;

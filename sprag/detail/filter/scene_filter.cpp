@@ -26,9 +26,6 @@ constexpr double run_rounding = 4.0 * measurement_rounding;
 // Least jitter with uncertain parameters, in periods of the slowest mode over 2 pi. The filter is
 // of second order in the parameters; with exact times their third order would not be covered.
 constexpr double least_sigma = 1e-6;
-// Checks for an overdue event: so many in a period of the fastest mode, but at most `most_looks` in
-// a period of the slowest.
-constexpr double looks_a_period = 16.0, most_looks = 256.0;
 
 std::shared_ptr<const std::vector<std::string>> keys_of(const std::vector<Parameter>& unknowns) {
   auto keys = std::make_shared<std::vector<std::string>>();
@@ -116,7 +113,7 @@ void SceneFilter::set_up(const Scene& scene) {
   next = nothing = filter.no_belief();
   const double period = 2.0 * std::numbers::pi / flight->largest_frequency();
   first_flight = 2.0 * std::numbers::pi / flight->smallest_frequency();
-  longest_look = std::max(period / looks_a_period, first_flight / most_looks);
+  longest_look = std::max(period / looks, first_flight / square(1.0 * looks));
   least_look = std::max(scene.model.chatter_time, sigma);
   const std::size_t bytes = sizeof(double) * static_cast<std::size_t>(next.S.size());
   pool = std::make_unique<BeliefPool>(next, std::clamp(pool_bytes / bytes, fewest_kept, most_kept));
@@ -169,8 +166,7 @@ SceneFilter::LastFlight SceneFilter::last_flight(int contact, double t,
 }
 
 double SceneFilter::crossing_before(double t, int contact, const FilterBelief& belief) {
-  constexpr int looks = 64;
-  const std::optional<Fall> fall = latest_fall(belief.t, t, looks, [&](double when) {
+  const std::optional<Fall> fall = latest_fall(belief.t, t, [&](double when) {
     filter.fly_mean(when, belief);
     return filter.gap(contact);
   });
@@ -190,9 +186,9 @@ void SceneFilter::fill_deviations(double t, const FilterBelief& of, Confidence& 
   flight->state(filter.estimate(), t, q, u);
   const bool several = flight->contacts() > 1;
   const double length =
-      std::max(of.length, q.cwiseAbs().maxCoeff()) * (several ? position_rounding : run_rounding);
+      std::max(of.length, q.cwiseAbs().maxCoeff()) * (several ? contact_rounding : run_rounding);
   const double speed =
-      std::max(of.speed, u.cwiseAbs().maxCoeff()) * (several ? impulse_rounding : run_rounding);
+      std::max(of.speed, u.cwiseAbs().maxCoeff()) * (several ? contact_rounding : run_rounding);
   for (Eigen::Index i = 0; i < f; ++i) {
     confidence.sigma_q[i] = std::hypot(columns_.row(i).norm(), length);
     confidence.sigma_u[i] = std::hypot(columns_.row(f + i).norm(), speed);

@@ -18,9 +18,10 @@ enum class TrackStatus : std::int8_t {
   confirmed   ///< the sigma of the estimate is claimed
 };
 
-/// Gate of a single normalized innovation squared. chi^2 of one degree of freedom exceeds it once
-/// in 10^11 events.
-inline constexpr double largest_innovation = 45.0;
+/// What is off by so many deviations is so for certain (once in 10^11 events by chance): an
+/// innovation that refutes the belief, an event that is overdue or has not happened, two events
+/// that are apart.
+inline constexpr double certain = 6.7;
 
 /// Gate of the mean normalized innovation squared over about `innovation_window` events, exceeded
 /// once in 10^7 events.

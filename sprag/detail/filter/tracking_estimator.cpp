@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "sprag/detail/estimates/estimator.h"
+#include "sprag/detail/filter/fall.h"
 #include "sprag/detail/mechanics/instant.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
@@ -283,7 +284,7 @@ void TrackingEstimator::take(std::span<const ContactEvent> events, TrackingState
   const bool taken = separable && filter.filter.take(events, next);
   if (!separable || !filter.flight->can_hold(next.held)) return lose(state);
   state.track.mean_square += (next.square - state.track.mean_square) / innovation_window;
-  if (!taken || !(next.square < largest_innovation) ||
+  if (!taken || !(next.square < square(certain)) ||
       !(state.track.mean_square < largest_mean_innovation)) {
     const Inconsistency inconsistency{event.t, next.innovation.contact,
                                       suspicion(*state.belief, next), next.square};
@@ -446,11 +447,9 @@ void TrackingEstimator::look(double t, TrackingState& state) {
 // Interval to the next check at t. It assumes that a flight takes about as long as the previous
 // one.
 double TrackingEstimator::until_next_look(double t, const TrackingState& state) const {
-  constexpr double growth = 0.125, looks_of_a_flight = 32.0;
-  const double first =
-      std::max(std::min(filter_->longest_look, state.silence.last_flight) / looks_of_a_flight,
-               filter_->least_look);
-  return std::min(std::max(growth * (t - state.silence.last_received), first),
+  const double first = std::max(std::min(filter_->longest_look, state.silence.last_flight) / looks,
+                                filter_->least_look);
+  return std::min(std::max((t - state.silence.last_received) / looks, first),
                   filter_->longest_look);
 }
 

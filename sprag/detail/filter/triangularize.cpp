@@ -1,11 +1,10 @@
 #include "sprag/detail/filter/triangularize.h"
 
+#include <limits>
+
+#include "sprag/detail/mechanics/scalars.h"
+
 namespace sprag {
-namespace {
-
-constexpr double least_norm = 1e-140;  // its square does not underflow
-
-}  // namespace
 
 void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
                    Eigen::Index columns, Eigen::VectorXd& scratch) {
@@ -13,7 +12,7 @@ void triangularize(FilterBelief::Rows& A, Eigen::Index first, Eigen::Index end,
     const Eigen::Index length = columns - i;
     auto row = A.row(first + i).segment(i, length);
     const double norm = row.norm();
-    if (!(norm > least_norm)) {
+    if (!(square(norm) > std::numeric_limits<double>::min())) {
       row.setZero();
       continue;
     }
