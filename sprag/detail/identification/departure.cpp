@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/identification/search.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -12,12 +13,8 @@ namespace {
 
 // Gain that names a cause which is one more unknown.
 constexpr double least_gain = 14.0;
-// The likelihood falls by this at the ends of a 95 % interval.
-constexpr double of_interval = 1.92;
 // Search for a noise: log10 of its ratio to the jitter's effect.
 constexpr double lowest = -6.0, highest = 5.0, step = 0.5;
-// Residuals above this share of the usual interval are no small departures.
-constexpr double near = 0.1;
 
 class Departures {
  public:
@@ -97,13 +94,14 @@ class Departures {
       double inside = best.decade;
       for (int i = 0; i < 10; ++i) {
         const double middle = 0.5 * (inside + outside);
-        (at(noise(middle)).log > most.log - of_interval ? inside : outside) = middle;
+        (at(noise(middle)).log > most.log - 0.5 * square(of_interval) ? inside : outside) = middle;
       }
       return drift_at(inside, at(noise(inside)));
     };
     // An estimated jitter adds its own uncertainty to the drift's.
     const double of_jitter = scale_.given ? 1.0 : 1.0 + 1.96 * std::sqrt(2.0 / fit_->freedom);
-    if (none_.log < most.log - of_interval) estimate.low = end(lowest - 1.0) / of_jitter;
+    if (none_.log < most.log - 0.5 * square(of_interval))
+      estimate.low = end(lowest - 1.0) / of_jitter;
     estimate.high = end(highest + 1.0) * of_jitter;
     return estimate;
   }
@@ -153,7 +151,7 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
                              GaussNewton& solver, const EventFit& fit,
                              const DepartureScale& scale) {
   Departure departure;
-  if (!(std::sqrt(fit.variance()) < near * scale.interval)) return departure;
+  if (!(std::sqrt(fit.variance()) < largest_scatter * scale.interval)) return departure;
   const bool of_restitution = std::any_of(unknowns.begin(), unknowns.end(), [](const auto& of) {
     return quantity(of.key) == "restitution";
   });

@@ -13,12 +13,9 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Events closer together than this cannot be distinguished: in sigmas of the times, and in usual
-// intervals with a given jitter and without one.
-constexpr double close_in_sigmas = 6.0, close_if_given = 1e-6, close_in_intervals = 3e-4;
-
-// Scatter about a path that follows the events roughly, in usual intervals.
-constexpr double roughly = 0.02;
+// Events closer together than this cannot be distinguished: in usual intervals, with a given jitter
+// and without one.
+constexpr double close_if_given = 1e-6, close_in_intervals = 3e-4;
 
 std::string keys_of(const std::vector<Parameter>& unknowns) {
   std::string keys;
@@ -34,9 +31,9 @@ class Fitter {
         solver_(scene, settings.unknowns, settings.strictly_within) {
     if (is_homogeneous(scene.model)) solver_.fix_speed();
     const double interval = usual_interval(events);
-    const double close =
-        settings.jitter ? std::max(close_in_sigmas * *settings.jitter, close_if_given * interval)
-                        : close_in_intervals * interval;
+    const double close = settings.jitter
+                             ? std::max(six * *settings.jitter, close_if_given * interval)
+                             : close_in_intervals * interval;
     solver_.flight().set(VectorXd::Zero(solver_.parameters()), false);
     record_ = fit_record(events, settings, close, solver_.flight());
     require_enough();
@@ -51,7 +48,7 @@ class Fitter {
       take_longer(identified(std::nullopt, settings.mend, negligible_scatter), best);
     }
     if (settings.approximate && is_broken(best)) {
-      take_longer(identified(std::nullopt, false, roughly), best);
+      take_longer(identified(std::nullopt, false, largest_scatter), best);
     }
     return best;
   }

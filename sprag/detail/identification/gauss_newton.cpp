@@ -32,8 +32,6 @@ constexpr double least_gap_weight = 0.33, largest_gap_weight = 6.0;
 constexpr double weight_of_guess = 1e-6;
 // An impact from inside multiplies the score by up to 1 plus this.
 constexpr double penalty_of_inside = 10.0;
-// A cause whose effect differs less from that of the parameters is not distinguished.
-constexpr double indistinguishable = 1e-5;
 // A search this far from the minimum, in costs per event, gives up if a step leaves this share.
 constexpr double hopeless = 30.0, slow_progress = 0.7;
 // Slowest impact with a weight of its own, relative to the typical speed.
@@ -787,7 +785,7 @@ std::array<GaussNewton::Effect, linear_causes.size()> GaussNewton::effects(const
     const VectorXd own = rest(column);
     const double squares = own.squaredNorm();
     // Starts and parameters explain the cause, up to the errors of their differences.
-    if (std::sqrt(squares) <= indistinguishable * norms[column]) continue;
+    if (std::sqrt(squares) <= least_own_share * norms[column]) continue;
     const double value = own.dot(residual) / squares;
     effects[cause] = {value, 1.0 / std::sqrt(squares), square(value) * squares};
   }

@@ -65,6 +65,10 @@ inline constexpr std::array linear_causes{Cause::restitution_by_speed, Cause::fr
                                           Cause::soft_stop, Cause::restitution_by_time,
                                           Cause::clock_rate};
 
+/// An effect whose share apart from those of other unknowns is smaller is not determined: the
+/// derivatives by differences are not better.
+inline constexpr double least_own_share = 1e-5;
+
 class GaussNewton {
  public:
   /// Throws ModelError if M is not positive definite.

@@ -24,19 +24,8 @@ using Eigen::VectorXd;
 constexpr double determined_below = 0.5;
 // Distance of a second profile, in ranges.
 constexpr double far_away = 0.1;
-constexpr int iterations_of_profile = 20;
-// A parameter with a smaller share of an effect of its own is not determined: the derivatives by
-// differences are not better.
-constexpr double least_own_share = 1e-6;
-// Rise of the cost within which another minimum explains the events as well.
-constexpr double second_minimum = 9.0;
-constexpr double least_share_explained = 0.9;
 // Largest scatter that may be a jitter, in usual intervals.
 constexpr double largest_jitter = 0.01;
-// Half of a 95 % interval, in standard deviations.
-constexpr double of_interval = 1.96;
-// A value this many standard deviations beyond its range contradicts it.
-constexpr double beyond_range = 3.0;
 // Relative deviation and least weight of a combination that the events determine.
 constexpr double known_combination = 0.05, least_weight = 0.1;
 // Speeds that the inputs do not explain, relative to those that they cause in a usual interval.
@@ -137,8 +126,7 @@ void Judge::profile(Index k, double distance) {
     FitPoint point = fit_->point;
     point.c[k] += side * distance;
     if (point.c[k] < solver_->low()[k] || point.c[k] > solver_->high()[k]) continue;
-    const EventFit other =
-        solver_->refine(fit_->stretches, point, fit_->sigma, iterations_of_profile, k);
+    const EventFit other = solver_->refine(fit_->stretches, point, fit_->sigma, most_iterations, k);
     if (other.stretches.empty()) continue;
     const double by = std::max(rise(other), 0.05);
     if (by < 0.5 * square(distance / deviations_[k])) {
@@ -184,7 +172,7 @@ int Judge::bound() const {
     if (!is_determined(k)) continue;
     const bool end = c <= solver_->low()[k] + 1e-9 || c >= solver_->high()[k] - 1e-9;
     const bool beyond = context_->settings.strictly_within &&
-                        !unknown.is_within(value, beyond_range * deviations_[k] + 1e-9);
+                        !unknown.is_within(value, ruled_out * deviations_[k] + 1e-9);
     if ((end && !unknown.is_physical_bound(value)) || beyond) return static_cast<int>(k);
   }
   return -1;
@@ -546,7 +534,8 @@ Identification Judge::run() {
   }
   profile();
   for (const Chain& other : *chains_) {
-    if (&other == &chain() || search_->price(other) > search_->price(chain()) + second_minimum) {
+    if (&other == &chain() ||
+        search_->price(other) > search_->price(chain()) + significant_departure) {
       continue;
     }
     compare(other.fit);

@@ -13,7 +13,7 @@ namespace {
 
 // Diffuse prior: deviation of the state in units of the largest value on the path, and of c in
 // units of the unknown's range.
-constexpr double wide_state = 3.0, wide_share = 2.0;
+constexpr double diffuse = 3.0;
 
 // Largest |x| on the path, by entry.
 Eigen::VectorXd largest(FamilyFlight& flight, const EventFit& fit) {
@@ -88,11 +88,11 @@ FilterBelief path_posterior(const SceneValues& family, const FilterModel& model,
   FilterBelief belief = filter.no_belief();
   for (Eigen::Index k = 0; k < c.size(); ++k) {
     const Parameter& unknown = family.unknowns()[static_cast<std::size_t>(k)];
-    belief.S(n2 + k, n2 + k) = unknown.logarithmic ? wide_share * unknown.within : 1.0;
+    belief.S(n2 + k, n2 + k) = unknown.logarithmic ? diffuse * unknown.within : 1.0;
   }
   belief.z.tail(c.size()) = c;
   belief.t = fit.stretches.front().start;
-  const Eigen::MatrixXd wide = (wide_state * largest(flight, fit)).asDiagonal();
+  const Eigen::MatrixXd wide = (diffuse * largest(flight, fit)).asDiagonal();
   Eigen::VectorXd on(at.size());
   for (std::size_t s = 0; s < fit.stretches.size(); ++s) {
     const FitStretch& stretch = fit.stretches[s];

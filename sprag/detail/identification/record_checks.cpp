@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "sprag/detail/identification/search.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 
@@ -23,7 +24,7 @@ std::vector<double> closings_of(std::span<const ContactEvent> events) {
 
 bool is_periodic(std::span<const ContactEvent> events, double jitter) {
   constexpr std::size_t longest = 4;
-  constexpr double in_jitters = 2.0, usual = 1e-3, largest = 1e-2, rounding = 1e-9;
+  constexpr double in_jitters = 2.0, usual = 1e-3, largest = 1e-2;
   const std::vector<double> times = closings_of(events);
   for (std::size_t p = 1; p <= longest && times.size() > 4 * p + 2; ++p) {
     const std::size_t n = times.size() - p;
@@ -34,7 +35,7 @@ bool is_periodic(std::span<const ContactEvent> events, double jitter) {
     const double off = std::sqrt(0.5 * squares / static_cast<double>(n));
     const double interval = period / static_cast<double>(p);
     const double allowed = jitter > 0.0 ? in_jitters * jitter : usual * interval;
-    if (off < std::min(allowed, largest * interval) + rounding * interval) return true;
+    if (off < std::clamp(allowed, negligible_scatter * interval, largest * interval)) return true;
   }
   return false;
 }

@@ -8,6 +8,7 @@
 #include <optional>
 #include <random>
 
+#include "sprag/detail/identification/search.h"
 #include "sprag/detail/mechanics/interrupt.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_parameters.h"
@@ -154,7 +155,7 @@ void add_resolution(const EventFit& optimum, double sigma, const RecordTrials& t
   // The change adds to an error of its own size: 4 times the squares.
   errors.resolution_scatter = trials.scatter_of(of_coarser.fit.squares, 1.0 / 3.0);
   // In standard deviations: the events rule out an interpolation whose fit is worse by that.
-  constexpr double ruled_out = 4.0, far_smaller = 0.5;
+  constexpr double far_smaller = 0.5;
   const Refit other = trials.with(interpolated_otherwise);
   if (other.fit.squares - optimum.squares > square(ruled_out * sigma)) return;
   add(other);

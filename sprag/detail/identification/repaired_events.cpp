@@ -3,16 +3,17 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sprag/detail/identification/search.h"
+
 namespace sprag {
 namespace {
 
 // For each event: whether its time is far from the fit's.
 std::vector<bool> suspects_of(std::size_t events, const Identification& fit) {
-  constexpr double far = 4.0;
   std::vector<bool> suspects(events, false);
   for (const EventResidual& of : fit.residuals) {
     if (of.event >= events || !(of.sigma > 0.0)) continue;
-    suspects[of.event] = std::abs(of.residual) > far * of.sigma;
+    suspects[of.event] = std::abs(of.residual) > ruled_out * of.sigma;
   }
   return suspects;
 }

@@ -13,43 +13,26 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-// Events of the first window beyond the unknowns.
-constexpr std::size_t spare = 8;
-constexpr std::size_t least_spare = 4;
-// Rounds for the speed of an impact from the speed after it.
-constexpr int speed_rounds = 8;
+// Events that must agree: of the first window beyond the unknowns, after a change, and by which a
+// window must grow before it explains the rest of the record. At the end of a record fewer do.
+constexpr std::size_t agreeing = 4, least_agreeing = 2;
 // Points of the design over the ranges, for one parameter and at most.
 constexpr std::size_t points_of_one = 64, most_points = 1200, points_of_split = 150;
-constexpr std::size_t kept_candidates = 12, refined_candidates = 4;
-// Largest scatter of the times, in usual intervals.
-constexpr double largest_scatter = 0.02;
-// Largest velocity from inside at an impact, in typical speeds.
-constexpr double from_inside = 0.02;
+// Candidates that are kept; that are refined, or explain too few events before no more are tried.
+constexpr std::size_t kept_candidates = 12, most_tried = 4;
 constexpr double rounding_of_times = 1e-13;
-// Events that a new piece may skip; impacts in a row that may be lost, and between two pieces.
+// Events that a new piece may skip, and changes that one comparison with the path may make;
+// impacts in a row that may be lost, and between two pieces.
 constexpr std::size_t most_skipped = 3, most_lost = 2, most_lost_between = 8;
-// Events after a change that must agree, if the record has them, and at least.
-constexpr std::size_t ahead = 4, least_ahead = 2;
-// Most changes, by one comparison with the path, of the events next to a piece.
-constexpr std::size_t most_aligned = 3;
 // Price of a change beyond twice the logarithm of the number of events.
 constexpr double price_of_change = 4.0;
 // Explanations with changes that are compared, and windows with two starts that are tried.
 constexpr std::size_t most_finished = 3, most_splits = 30;
-// Explanations of too few events after which no more are tried.
-constexpr std::size_t most_failed = 4;
 // Logarithm of a chance that is none.
 constexpr double certain = 25.0;
-// Events by which a window must grow before it explains the rest of the record.
-constexpr std::size_t grown_by = 4;
-constexpr int most_rounds = 6;
+constexpr int most_rounds = 8;
 // A curved valley of the cost goes on where the scatter falls below this share.
 constexpr double lower_by = 0.9;
-constexpr int iterations = 40;
-// An impact of the path has an event if its speed is above this share of the typical one.
-constexpr double least_speed = 0.03;
-// Share of the events that an explanation must span.
-constexpr double enough_spanned = 0.9;
 
 FitPoint recorded_point(const std::vector<FitStretch>& parts, const GaussNewton::Held& held) {
   FitPoint point{held.c, held.starts, {}};
@@ -74,7 +57,7 @@ bool pass_back(FamilyFlight& flight, int contact, double time, PathPoint& at) {
   const double after = flight.gap(contact).velocity;
   // epsilon(v) v is the speed after the impact.
   double before = -after / flight.restitution(contact);
-  for (int round = 0; round < speed_rounds; ++round) {
+  for (int round = 0; round < most_rounds; ++round) {
     before = -after / flight.restitution(contact, before);
   }
   if (!std::isfinite(before)) return false;
@@ -211,10 +194,11 @@ std::optional<EventFit> FitSearch::refit(std::vector<FitStretch> parts, const Ev
     }
   }
   const double of_times = sigma(holds ? held.rms : std::sqrt(from.variance()));
-  EventFit warm = solver_->refine(parts, std::move(near), of_times, iterations);
+  EventFit warm = solver_->refine(parts, std::move(near), of_times, most_iterations);
   if (!warm.stretches.empty() && warm.converged && plausible(warm)) return warm;
   if (holds) {
-    EventFit cold = solver_->refine(std::move(parts), std::move(recorded), of_times, iterations);
+    EventFit cold =
+        solver_->refine(std::move(parts), std::move(recorded), of_times, most_iterations);
     const bool better = !cold.stretches.empty() && !(warm.cost < cold.cost);
     if (warm.stretches.empty() || better) warm = std::move(cold);
   }
@@ -242,7 +226,7 @@ bool FitSearch::plausible(const EventFit& fit) const {
       const double of = fit.velocities[i][k];
       const FitEvent& event = stretch.events[k];
       const bool counts = event.impact() && event.informs;
-      if (counts && of * static_cast<double>(impacts) > from_inside * typical) return false;
+      if (counts && of * static_cast<double>(impacts) > largest_scatter * typical) return false;
     }
   }
   const double most = jitter_ ? std::max(*jitter_, negligible_scatter * record_->interval)
@@ -281,14 +265,15 @@ std::vector<Chain> FitSearch::candidates(const std::vector<Piece>& pieces) {
   const double worst =
       std::max(30.0 * jitter_.value_or(0.0), 2.0 * largest_scatter * record_->interval);
   for (const GaussNewton::Held& held : best) {
-    if (!(held.rms < worst) || seen.size() == refined_candidates) break;
+    if (!(held.rms < worst) || seen.size() == most_tried) break;
     const auto near = [&](const VectorXd& other) {
       return P == 0 ||
              (held.c - other).cwiseQuotient(solver_->scale()).cwiseAbs().maxCoeff() < 1e-3;
     };
     if (std::any_of(seen.begin(), seen.end(), near)) continue;
     seen.push_back(held.c);
-    EventFit fit = solver_->refine(parts, recorded_point(parts, held), sigma(held.rms), iterations);
+    EventFit fit =
+        solver_->refine(parts, recorded_point(parts, held), sigma(held.rms), most_iterations);
     if (fit.stretches.empty() || !plausible(fit)) continue;
     const auto same = [&](const Chain& other) { return near(other.fit.point.c) && P > 0; };
     if (std::any_of(chains.begin(), chains.end(), same)) continue;
@@ -555,10 +540,10 @@ bool FitSearch::repair(Chain& chain, std::size_t piece, bool forwards) {
   const FitStretch& stretch = record_->stretches[a.stretch];
   const std::size_t room = forwards ? stretch.size() - a.high : a.low;
   Option best;
-  for (const std::size_t most : {ahead, least_ahead}) {
+  for (const std::size_t most : {agreeing, least_agreeing}) {
     for (std::size_t from_a = 0; from_a <= 1; ++from_a) {
       for (std::size_t skipped = 0; skipped <= 1; ++skipped) {
-        if (room < skipped + least_ahead) continue;
+        if (room < skipped + least_agreeing) continue;
         const std::size_t taken = std::min(room - skipped, most);
         const double added = static_cast<double>(taken) - static_cast<double>(from_a);
         const std::size_t low = forwards ? a.high + skipped : a.low - skipped - taken;
@@ -638,8 +623,8 @@ std::optional<Chain> FitSearch::aligned(const Chain& chain, std::size_t piece, s
   std::vector<FitEvent> events;
   const std::size_t room = forwards ? recorded.size() - a.high : a.low;
   std::size_t used = 0, matched = 0, used_then = 0, events_then = 0, changes_then = 0;
-  while (matched < ahead && used < room &&
-         changed.changes.size() <= chain.changes.size() + most_aligned) {
+  while (matched < agreeing && used < room &&
+         changed.changes.size() <= chain.changes.size() + most_skipped) {
     const FitEvent& next = recorded[forwards ? a.high + used : a.low - 1 - used];
     const double tolerance = beside_event * std::min(record_->interval, std::abs(next.t - at.t));
     const double until = forwards ? next.t + tolerance : next.t - tolerance;
@@ -668,7 +653,7 @@ std::optional<Chain> FitSearch::aligned(const Chain& chain, std::size_t piece, s
     events_then = events.size();
     changes_then = changed.changes.size();
   }
-  if (matched < std::min(room, least_ahead) || changes_then == chain.changes.size())
+  if (matched < std::min(room, least_agreeing) || changes_then == chain.changes.size())
     return std::nullopt;
   events.resize(events_then);
   changed.changes.resize(changes_then);
@@ -762,7 +747,7 @@ void FitSearch::polish(Chain& chain) {
   for (int round = 0; round < most_rounds; ++round) {
     const double before = chain.fit.squares;
     EventFit fit = solver_->refine(chain.fit.stretches, chain.fit.point,
-                                   sigma(std::sqrt(chain.fit.variance())), iterations);
+                                   sigma(std::sqrt(chain.fit.variance())), most_iterations);
     if (fit.stretches.empty() || !(fit.squares <= before * (1.0 + 1e-3) + square(floor_))) return;
     chain.fit = std::move(fit);
     if (chain.fit.converged && chain.fit.squares > 0.98 * before) return;
@@ -784,14 +769,15 @@ bool FitSearch::descend(Chain& chain) {
         FitPoint point = fit.point;
         point.c[k] += side * distance;
         if (point.c[k] < solver_->low()[k] || point.c[k] > solver_->high()[k]) break;
-        EventFit other = solver_->refine(fit.stretches, std::move(point), fit.sigma, iterations, k);
+        EventFit other =
+            solver_->refine(fit.stretches, std::move(point), fit.sigma, most_iterations, k);
         if (other.stretches.empty() || !(other.squares < least)) break;
         least = other.squares;
         lower = std::move(other);
       }
       if (!lower) continue;
       EventFit free = solver_->refine(lower->stretches, lower->point,
-                                      sigma(std::sqrt(lower->variance())), iterations);
+                                      sigma(std::sqrt(lower->variance())), most_iterations);
       if (free.stretches.empty() || !plausible(free) || free.squares > least) continue;
       chain.fit = std::move(free);
       return true;
@@ -823,7 +809,7 @@ std::vector<std::vector<Piece>> FitSearch::windows(std::size_t number, bool spli
   const std::size_t unknowns = starts + static_cast<std::size_t>(solver_->parameters());
   std::vector<std::vector<Piece>> all;
   std::vector<std::pair<std::size_t, std::size_t>> places;
-  for (const std::size_t extra : {spare, least_spare}) {
+  for (const std::size_t extra : {2 * agreeing, agreeing}) {
     const std::size_t length = std::min(unknowns + extra + (split ? starts : 0), stretch.size());
     for (const std::size_t half : {0, 2, 4, 1, 6, 8}) {
       const std::size_t low = std::min(half * length / 2, stretch.size() - length);
@@ -862,7 +848,7 @@ std::optional<std::pair<FitEvent, std::size_t>> FitSearch::unrecorded(const Chai
       const std::optional<FitEvent> first = next_impact(at.x, at.t, tau, at.held);
       if (first && first->t < tau - beside_event * (tau - at.t)) {
         flight.fly(at.x, at.t, first->t - at.t, at.held);
-        if (-flight.gap(first->contact).velocity > least_speed * typical) return {{*first, k}};
+        if (-flight.gap(first->contact).velocity > largest_scatter * typical) return {{*first, k}};
       }
     }
     pass(flight, part.events[k], tau, at);
@@ -922,7 +908,8 @@ void FitSearch::explain(Chain& chain) {
 }
 
 bool FitSearch::explains(const Chain& chain) const {
-  return static_cast<double>(chain.spanned()) >= enough_spanned * static_cast<double>(usable());
+  return static_cast<double>(chain.spanned()) >=
+         least_share_explained * static_cast<double>(usable());
 }
 
 void Chain::sort_by_time() {
@@ -954,7 +941,7 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
     std::size_t failed = 0;
     for (std::size_t i = 0; i < std::min<std::size_t>(record_->stretches.size(), split ? 1 : 3);
          ++i) {
-      if (record_->stretches[i].size() < unknowns + 2 || failed >= most_failed) break;
+      if (record_->stretches[i].size() < unknowns + 2 || failed >= most_tried) break;
       for (const std::vector<Piece>& pieces : windows(i, split)) {
         std::vector<Chain> here = candidates(pieces);
         for (Chain& chain : here) {
@@ -965,7 +952,7 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
         std::stable_sort(here.begin(), here.end(), cheaper);
         const std::size_t window = pieces.back().high - pieces.front().low;
         const std::size_t least =
-            std::min(window + (split ? 0 : grown_by), record_->stretches[i].size());
+            std::min(window + (split ? 0 : agreeing), record_->stretches[i].size());
         const bool grown = here.front().spanned() >= least || is_certain(here.front().fit);
         if (grown) {
           explain(here.front());
@@ -993,7 +980,7 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
         tried.insert(tried.end(), here.begin(), here.end());
         finished += done;
         failed += grown && !done;
-        if (clean || again || finished >= most_finished || failed >= most_failed) break;
+        if (clean || again || finished >= most_finished || failed >= most_tried) break;
       }
       if (finished > 0) break;
     }

@@ -10,8 +10,12 @@
 
 namespace sprag {
 
-/// Bound of a chi^2, in its standard deviations.
+/// Bound of a chi^2, in its standard deviations; and of a time, in those of the times.
 inline constexpr double six = 6.0;
+/// Half of a 95 % interval, in standard deviations.
+inline constexpr double of_interval = 1.96;
+/// A difference of so many standard deviations is no chance.
+inline constexpr double ruled_out = 4.0;
 /// Largest chi^2 of a fit, per degree of freedom.
 double largest_misfit(int freedom);
 /// Largest rise of the chi^2 of a fit by n more events that agree. Without a given jitter that of
@@ -21,12 +25,19 @@ double largest_rise(double n, const EventFit& fit, bool given);
 inline constexpr double weakly_determined = 2e-3;
 /// Largest share of the events that an explanation may change.
 inline constexpr double largest_share_changed = 0.2;
+/// Least share of the events that an explanation spans.
+inline constexpr double least_share_explained = 0.9;
 /// A lost impact differs from the next event by more than this share of the time between the
 /// events.
 inline constexpr double beside_event = 0.1;
 
 /// Scatter that the search neglects, in usual intervals: it shows no error of the record.
 inline constexpr double negligible_scatter = 1e-7;
+/// Largest scatter about a path that follows the events, in usual intervals; and largest velocity,
+/// in typical speeds, of an impact that may not have happened.
+inline constexpr double largest_scatter = 0.02;
+/// Steps of a refinement.
+inline constexpr int most_iterations = 40;
 
 struct EventChange {
   double t = 0.0;         ///< [s]

@@ -15,8 +15,8 @@
 namespace sprag {
 namespace {
 
-constexpr double margin = 0.05;          // of the search range in coordinates
-constexpr double reach_of_slope = 10.0;  // in nominal slopes of a restitution
+constexpr double margin = 0.05;        // of the search range in coordinates
+constexpr double widest_reach = 10.0;  // in nominal slopes of a restitution, or in steps
 
 // A positive number has the coordinate log(value / nominal).
 Parameter positive(std::string key, std::string_view unit, double nominal) {
@@ -43,9 +43,8 @@ Parameter phase_of(std::string key, double nominal) {
 
 // Damping may be 0, so that its coordinate is linear. `step` is for an undamped machine.
 Parameter damping_of(std::string key, std::string_view unit, double nominal, double step) {
-  constexpr double reach_of_undamped = 10.0;
   Parameter unknown = linear(std::move(key), unit, nominal, nominal > 0.0 ? nominal : step,
-                             nominal > 0.0 ? 0.0 : reach_of_undamped);
+                             nominal > 0.0 ? 0.0 : widest_reach);
   unknown.relative = nominal > 0.0;
   unknown.lower_limit = 0.0;
   return unknown;
@@ -67,9 +66,9 @@ void add_restitutions(const Model& model, std::vector<Parameter>& unknowns) {
     unknowns.push_back(epsilon);
     const double slope = contact.curve.slope;
     if (slope == 0.0) return;
-    unknowns.push_back(linear(key + ".slope", "s/m", slope, -slope, reach_of_slope));
+    unknowns.push_back(linear(key + ".slope", "s/m", slope, -slope, widest_reach));
     unknowns.back().upper_limit = 0.0;
-    unknowns.back().within = reach_of_slope;
+    unknowns.back().within = widest_reach;
   };
   if (one) add("impact.restitution", contacts.front());
   for (std::size_t i = 0; (!one || contacts.size() > 1) && i < contacts.size(); ++i) {
