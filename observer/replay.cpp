@@ -178,9 +178,7 @@ class Replay {
         events_->write(event);
       }
     }
-    // A guarantee must be updated at every tick, so no ticks are skipped.
-    if (settled_.writes_states() || estimation_.guarantee || !estimation_.estimator.coasts() ||
-        estimation_.stream) {
+    if (settled_.writes_states() || !estimation_.estimator.coasts() || estimation_.stream) {
       run();
     } else {
       do {
