@@ -107,5 +107,22 @@ TEST(DissipationCap, FollowsTheForceAsFarAsTheGapAllows) {
   }
 }
 
+// The decay of uncoupled modes has a formula of its own.
+TEST(DissipationCap, DecayOfUncoupledModesIsTheLimitOfCoupledOnes) {
+  Model model;
+  model.M = Eigen::MatrixXd::Identity(2, 2);
+  model.K = Eigen::Vector2d(1.0, 9.0).asDiagonal();
+  model.C = Eigen::Vector2d(0.1, 0.2).asDiagonal();
+  Model coupled = model;
+  coupled.C(0, 1) = coupled.C(1, 0) = 1e-6;
+  const Dynamics dynamics(model), of_coupled(coupled);
+  const EnergyMetric metric(dynamics), metric_of_coupled(of_coupled);
+  ASSERT_TRUE(metric.decoupled());
+  ASSERT_FALSE(metric_of_coupled.decoupled());
+  const double rho = slowest_decay(metric, {}).rho;
+  EXPECT_GT(rho, 0.0);
+  EXPECT_NEAR(rho, slowest_decay(metric_of_coupled, {}).rho, 1e-4 * rho);
+}
+
 }  // namespace
 }  // namespace sprag::test

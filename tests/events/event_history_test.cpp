@@ -302,6 +302,17 @@ TEST(EventHistory, GapsBeyondCapacityExtendLastGap) {
   EXPECT_EQ(history.degraded().back().to, 2.0 * many + 1.0);
 }
 
+TEST(EventHistory, GapsThatTouchAreOne) {
+  EventHistory history = started(1);
+  for (int i = 1; i <= 10; ++i) {
+    ASSERT_TRUE(history.add(ContactEvent{1.0 * i, 0, pulse}));
+    ASSERT_FALSE(history.add(ContactEvent{i + 1.0, 0, opens}));
+  }
+  ASSERT_EQ(history.degraded().size(), 1U);
+  EXPECT_EQ(history.degraded()[0].from, 1.0);
+  EXPECT_EQ(history.degraded()[0].to, 11.0);
+}
+
 // The gap of an earlier session must not apply to a later session.
 TEST(EventHistory, AGapBelongsToItsSession) {
   EventHistory history = started();

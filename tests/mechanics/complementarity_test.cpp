@@ -249,6 +249,18 @@ TEST(DependentDirections, MotionIsUniqueForAnyOrder) {
   EXPECT_GT(dependent, repetitions(4000) / 3);
 }
 
+// A constraint that the others violate by 1e-10 of its terms is no rounding.
+TEST(DependentDirections, SmallViolationIsResolved) {
+  ContactMatrix A(3, 3);
+  A << 1.0, 1.0, 0.5, 1.0, 1.0, 0.5, 0.5, 0.5, 1.0;
+  const ContactVector b = Eigen::Vector3d(-1.0, -1.0, -0.5 - 1e-10);
+  ContactVector x, y;
+  ContactSet unsatisfied = 0;
+  ASSERT_EQ(solve_semidefinite_lcp(A, b, Eigen::Vector3d::Zero(), x, y, unsatisfied), Solved::yes);
+  EXPECT_EQ(unsatisfied, 0U);
+  EXPECT_GE((VectorXd(A * x + b)).minCoeff(), -1e-14);
+}
+
 // Two opposite walls that approach each other: no motion satisfies both constraints.
 TEST(DependentDirections, UnsatisfiableConstraintIsOmitted) {
   ContactMatrix A(2, 2);
