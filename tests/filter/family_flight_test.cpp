@@ -332,6 +332,28 @@ TEST(FamilyFlight, FollowsManySamplesWhileContactsAreHeld) {
   }
 }
 
+// By a clock that runs fast, the same motion takes longer and has smaller velocities.
+TEST(FamilyFlight, ClockStretchesTheMotion) {
+  constexpr double rate = 1.01;
+  for (const char* name : {"paper_beam", "two_stops_beam", "lab_rig"}) {
+    SCOPED_TRACE(name);
+    const Scene scene = shipped_scene(name);
+    const Parameter of_clock = parameter_of(scene, "clock.rate");
+    FamilyFlight flight(scene, {of_clock}), by_clock(scene, {of_clock});
+    const Eigen::Index n = flight.n();
+    Eigen::VectorXd x(2 * n);
+    flight.enter(scene.prior.start.q, scene.prior.start.u, 0.0, x);
+    flight.set(Eigen::VectorXd::Zero(1), false);
+    flight.fly(x, 0.3, 0.2, 0);
+    x.tail(n) /= rate;
+    by_clock.set(Eigen::VectorXd::Constant(1, of_clock.coordinate(rate)), false);
+    by_clock.fly(x, 0.3 * rate, 0.2 * rate, 0);
+    const Eigen::VectorXd q = flight.x().head(n), u = flight.x().tail(n) / rate;
+    EXPECT_LT((by_clock.x().head(n) - q).norm(), 1e-10 * q.norm());
+    EXPECT_LT((by_clock.x().tail(n) - u).norm(), 1e-10 * u.norm());
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, FamilyFlightOfScenes,
                          testing::Values("paper_beam", "two_stops_beam", "lab_rig", "swept_beam",
                                          "paper_beam@", "two_stops_beam@"));

@@ -162,6 +162,24 @@ TEST(DrawnRecords, ExactTimesOfWhichSomeAreLostGiveTheMachine) {
   }
 }
 
+// No change of a single event makes the search begin here; the residual of the longer fit does.
+TEST(DrawnRecords, FindsASpuriousEventByItsResidual) {
+  const Record record = drawn("one spurious", 5);
+  const Identification result = fitted(record);
+  EXPECT_TRUE(result.fits()) << reason_of(result);
+  EXPECT_EQ(result.spurious.size(), 1U);
+  for (const double z : errors(record, result)) EXPECT_LT(z, 6.0);
+}
+
+// In these records another minimum of the cost explains all events as well.
+TEST(DrawnRecords, ClaimsNoValueThatAnotherMinimumContradicts) {
+  for (const char* kind : {"all contacts last", "2 lost, 2 spurious"}) {
+    const Record record = drawn(kind, 9);
+    ASSERT_EQ(record.jitter, 0.0);
+    for (const double z : errors(record, fitted(record))) EXPECT_LT(z, 6.0) << kind;
+  }
+}
+
 TEST(DrawnRecords, SigmasAreCalibrated) {
   double squares = 0.0;
   int values = 0;
