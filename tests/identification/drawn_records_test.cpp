@@ -171,6 +171,13 @@ TEST(DrawnRecords, FindsASpuriousEventByItsResidual) {
   for (const double z : errors(record, result)) EXPECT_LT(z, 6.0);
 }
 
+// A wrong machine is not explained by events that would be spurious.
+TEST(DrawnRecords, DoesNotBlameTheRecordForFriction) {
+  for (const std::uint64_t trial : {6U, 9U, 12U}) {
+    EXPECT_EQ(fitted(drawn("friction", trial)).problem, FitProblem::wrong_model) << trial;
+  }
+}
+
 // In these records another minimum of the cost explains all events as well.
 TEST(DrawnRecords, ClaimsNoValueThatAnotherMinimumContradicts) {
   for (const char* kind : {"all contacts last", "2 lost, 2 spurious"}) {
