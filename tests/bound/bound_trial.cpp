@@ -114,6 +114,8 @@ Received received(const BoundCase& machine, const std::vector<ContactEvent>& rep
       static_cast<std::size_t>(machine.lost_after * static_cast<double>(reports.size()));
   const std::size_t last = first + machine.lost;
   if (machine.lost == 0 || first == 0 || last >= reports.size()) return all;
+  // All events up to the time of a received one are known.
+  if (reports[first].t <= reports[first - 1].t) return all;
   ContactSet chi = 0;
   for (std::size_t k = 0; k < first; ++k) chi = after(chi, reports[k]);
   ContactSet then = chi;

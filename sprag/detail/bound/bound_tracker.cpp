@@ -93,11 +93,17 @@ double BoundTracker::known_up_to(const EventHistory& events) const {
   return std::min(events.horizon(), end_) - tolerance_.time;
 }
 
+// Reported times are rounded, so that machine and replica may differ by an impact for a moment also
+// without a tolerance.
+double BoundTracker::half_window(double t) const {
+  return tolerance_.time + time_share_of_rounding * std::abs(t);
+}
+
 void BoundTracker::follow(const EventHistory& events, double t) {
   const double reach = std::min(t, known_up_to(events));
   if (reach < followed_) return;
   followed_ = reach;
-  const double last = reach + tolerance_.time + time_share_of_rounding * std::abs(reach);
+  const double last = reach + half_window(reach);
   const std::span<const ContactEvent> all(events.events());
   const auto first =
       static_cast<std::size_t>(std::max<std::int64_t>(consumed_ - events.dropped(), 0));
@@ -246,7 +252,7 @@ bool BoundTracker::is_alone(const Impact& impact) const {
 void BoundTracker::event(std::span<const ContactEvent> of_one_instant) {
   const Impact impact = impact_of(of_one_instant);
   const double delta = tolerance_.time;
-  const double opens = impact.t - delta;
+  const double opens = impact.t - half_window(impact.t);
   if (opens >= since_ && opens >= lost_until_ && !failed_) {
     advance(opens);
     cluster_.begin(b_, impact.t);
@@ -323,7 +329,7 @@ void BoundTracker::pass_first_order(const Impact& impact, const Approach& near,
 // Event while b is infinite: only the replica takes it. b can become finite again after the event's
 // window.
 void BoundTracker::take_unbounded(std::span<const ContactEvent> of_one_instant) {
-  const double end = of_one_instant.front().t + tolerance_.time;
+  const double end = of_one_instant.front().t + half_window(of_one_instant.front().t);
   replica_.take(of_one_instant, state_);
   lost_until_ = std::max(lost_until_, end);
   since_ = integrated_to_ = std::max(since_, end);
@@ -343,7 +349,7 @@ void BoundTracker::take_free_branch(const Impact& impact) {
 
 // Sets b to its value after all events of the cluster, the last of them at t.
 void BoundTracker::conclude(double t) {
-  const double end = t + tolerance_.time;
+  const double end = t + half_window(t);
   double D = cluster_.D;
   if (metric_.dynamics().contacts() == 1) {
     D = cluster_.shift(metric_.dynamics().G()(0, 0), metric_.omega_gamma(0), end, tolerance_.time);
@@ -364,8 +370,8 @@ void BoundTracker::add(const Impact& impact, const EventCost& cost) {
   cluster_.D += factors_.D * cost.D;
   cluster_.E += factors_.E * cost.E;
   const bool simple = impact.kind == ContactEventKind::pulse && impact.count == 1;
-  if (!cluster_.add({.end = impact.t + tolerance_.time,
-                     .J = tolerance_.time > 0.0 ? in_ * factors_.J * cost.J : 0.0,
+  if (!cluster_.add({.end = impact.t + half_window(impact.t),
+                     .J = in_ * factors_.J * cost.J,
                      .contact = impact.count == 1 ? impact.contact : -1,
                      .simple = simple && impact.before == 0})) {
     cluster_.growth = infinity;

@@ -100,6 +100,7 @@ class BoundTracker {
   struct Impact;  // one event or several of one instant
 
   double known_up_to(const EventHistory& events) const;
+  double half_window(double t) const;  // of an event [s]
   void pass_gaps(const EventHistory& events, double t);
   void take_state(double t);
   void integrate(double t);
