@@ -811,7 +811,7 @@ std::vector<std::vector<Piece>> FitSearch::windows(std::size_t number, bool spli
   std::vector<std::pair<std::size_t, std::size_t>> places;
   for (const std::size_t extra : {2 * agreeing, agreeing}) {
     const std::size_t length = std::min(unknowns + extra + (split ? starts : 0), stretch.size());
-    for (const std::size_t half : {0, 2, 4, 1, 6, 8}) {
+    for (const std::size_t half : {0U, 2U, 4U, 1U, 6U, 8U}) {
       const std::size_t low = std::min(half * length / 2, stretch.size() - length);
       const std::pair place{low, low + length};
       if (std::find(places.begin(), places.end(), place) == places.end()) places.push_back(place);
