@@ -162,7 +162,7 @@ TEST(DrawnRecords, ExactTimesOfWhichSomeAreLostGiveTheMachine) {
   }
 }
 
-// No change of a single event makes the search begin here; the residual of the longer fit does.
+// The comparison with the path does not find the event; its residual in the fit of all events does.
 TEST(DrawnRecords, FindsASpuriousEventByItsResidual) {
   const Record record = drawn("one spurious", 5);
   const Identification result = fitted(record);

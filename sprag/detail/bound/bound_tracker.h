@@ -10,6 +10,7 @@
 //   event, window t' +- delta    b -> b + D + E + R, and J on top while the window is open
 //                                                           (event_cost.h, event_cluster.h)
 //
+// where delta is the tolerance of the times, and a window is longer by their rounding on each side;
 // and sqrt B = b / sqrt(1 - k_K). A second bound needs no events (dissipation_cap.h). It limits b,
 // and b restarts from it after a gap. Principle: the evolution of the true machine with given
 // switching times is nonexpansive on every path. All defects are therefore evaluated on the
