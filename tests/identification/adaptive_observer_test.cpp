@@ -21,7 +21,7 @@ namespace {
 using test::events_of;
 using test::shipped_scene;
 
-constexpr double tick_length = 0.05, duration = 24.0;
+constexpr double tick_length = 0.05, observed = 24.0;
 
 /// The paper's beam with a wrong damping and restitution.
 Scene wrong_scene() {
@@ -50,7 +50,7 @@ std::vector<Row> expected_rows(const Scene& scene, const std::vector<ContactEven
   Confidence confidence = estimator.no_confidence();
   std::vector<Row> rows;
   std::size_t next = 0;
-  for (std::int64_t k = 0; k <= last_tick(duration, tick_length); ++k) {
+  for (std::int64_t k = 0; k <= last_tick(observed, tick_length); ++k) {
     const std::size_t first = next;
     while (next < events.size() && first_tick_after(events[next].t, tick_length) <= k) ++next;
     const auto of_tick = std::span(events).subspan(first, next - first);
@@ -72,7 +72,7 @@ Row row_of(const Estimate& of) { return {of.tick, of.q, of.u, of.parameters.valu
 // Events in any order, some after the watermark, with provisional estimates in between.
 TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
   const Scene scene = wrong_scene(), machine = shipped_scene("paper_beam");
-  const std::vector<ContactEvent> events = events_of(machine, duration);
+  const std::vector<ContactEvent> events = events_of(machine, observed);
   const std::vector<Row> expected = expected_rows(scene, events);
   ASSERT_TRUE(expected.back().of_filter);
   std::vector<ContactEvent> any_order = events;
@@ -89,25 +89,25 @@ TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
   observer.at(events[7].t + 3.0);
   for (std::size_t i = 8; i < events.size(); ++i) {
     observer.take(any_order[i]);
-    if (i % 5 == 0) observer.at(duration + 2.0);
+    if (i % 5 == 0) observer.at(observed + 2.0);
   }
-  for (double t = events[7].t; t < duration; t += 1.7) {
+  for (double t = events[7].t; t < observed; t += 1.7) {
     observer.set_horizon(t);
     settle();
-    observer.at(std::min(t + 5.0, duration));
+    observer.at(std::min(t + 5.0, observed));
   }
-  observer.set_horizon(duration);
+  observer.set_horizon(observed);
   settle();
   ASSERT_EQ(settled.size(), expected.size());
   for (std::size_t k = 0; k < settled.size(); ++k) ASSERT_EQ(settled[k], expected[k]) << k;
 
   // The estimate has converged to the machine and gives its parameters.
-  const Estimate now = observer.at(duration + 1.0);
+  const Estimate now = observer.at(observed + 1.0);
   Master master(machine.model, machine.truth.start);
   std::vector<ContactEvent> passed;
   Eigen::VectorXd q(3), u(3);
-  master.advance(at(duration), passed);
-  master.state(at(duration), q, u);
+  master.advance(at(observed), passed);
+  master.state(at(observed), q, u);
   EXPECT_LT(ErrorEnergy(machine.model)(q, u, settled.back().q, settled.back().u)[0], 1e-18);
   ASSERT_TRUE(now.parameters.any());
   EXPECT_EQ(*now.parameters.keys, (std::vector<std::string>{"impact.restitution", "beam.damping"}));
@@ -118,9 +118,9 @@ TEST(AdaptiveObserver, SettlesTheTicksOfItsEstimator) {
 
 TEST(AdaptiveObserver, ObservesARecording) {
   const Scene scene = wrong_scene();
-  const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), duration);
+  const std::vector<ContactEvent> events = events_of(shipped_scene("paper_beam"), observed);
   const Estimates all =
-      observe(Observer(scene, {tick_length, EstimatorKind::adaptive}), events, duration);
+      observe(Observer(scene, {tick_length, EstimatorKind::adaptive}), events, observed);
   const std::vector<Row> expected = expected_rows(scene, events);
   ASSERT_EQ(all.t.size(), static_cast<Eigen::Index>(expected.size()));
   EXPECT_EQ(all.keys.size(), 2U);

@@ -25,18 +25,18 @@ double signal(double t) {
   return 3.0 * std::sin(t * (5.0 + 0.1 * t)) + 1.2 * std::sin(13.0 * t + 0.4);
 }
 
-SampledInputPointer sampled(double dt, double duration, SampledInput::Settings settings,
+SampledInputPointer sampled(double dt, double end, SampledInput::Settings settings,
                             double noise = 0.0, std::mt19937_64* engine = nullptr) {
   std::vector<double> t, values;
   std::normal_distribution<double> normal;
-  for (int k = 0; k <= static_cast<int>(duration / dt); ++k) {
+  for (int k = 0; k <= static_cast<int>(end / dt); ++k) {
     t.push_back(dt * k);
     values.push_back(signal(t.back()) + (engine != nullptr ? noise * normal(*engine) : 0.0));
   }
   return std::make_shared<const SampledInput>(t, values, std::move(settings));
 }
 
-constexpr double duration = 20.0;
+constexpr double recorded = 20.0;
 
 Scene shaken_rattle(Random& random, Eigen::Index f, bool coupled = false) {
   Scene scene = test::rattle(random, f, coupled);
@@ -44,13 +44,13 @@ Scene shaken_rattle(Random& random, Eigen::Index f, bool coupled = false) {
       {test::across(f),
        0.0,
        {},
-       sampled(1e-3, duration + 1.0,
+       sampled(1e-3, recorded + 1.0,
                {.interpolation = Interpolation::spline, .outside = Outside::hold})});
   return scene;
 }
 
 std::vector<ContactEvent> events_of(const Scene& machine, double jitter, std::uint64_t seed) {
-  std::vector<ContactEvent> events = test::events_of(machine, duration);
+  std::vector<ContactEvent> events = test::events_of(machine, recorded);
   std::mt19937_64 engine(seed);
   std::normal_distribution<double> normal;
   for (ContactEvent& event : events) event.t += jitter * normal(engine);
@@ -91,7 +91,7 @@ TEST(RecordedIdentification, FindsGainAndDelay) {
     // The record has another gain, and its times lack half a sample.
     const double gain = 1.15, delay = 0.5 * dt;
     std::vector<double> t, values;
-    for (double at = 0.0; at < duration + 1.0; at += dt) {
+    for (double at = 0.0; at < recorded + 1.0; at += dt) {
       t.push_back(at - delay);
       values.push_back(signal(at) / gain);
     }
@@ -120,7 +120,7 @@ TEST_P(InterpolationError, IsPartOfTheDeviations) {
   Errors errors;
   for (int i = 0; i < 8; ++i) {
     Scene truth = shaken_rattle(random, 1 + i % 2);
-    const SampledInputPointer linear = sampled(0.01, duration + 1.0, {.outside = Outside::hold});
+    const SampledInputPointer linear = sampled(0.01, recorded + 1.0, {.outside = Outside::hold});
     SampledInput::Settings settings_of_spline = linear->settings();
     settings_of_spline.interpolation = Interpolation::spline;
     Scene given = with_input(truth, *linear);
@@ -160,7 +160,7 @@ TEST_P(SampleNoise, IsPartOfTheDeviations) {
     const Scene truth = shaken_rattle(random, 1 + i % 2);
     const Scene given = with_input(
         truth,
-        *sampled(0.01, duration + 1.0,
+        *sampled(0.01, recorded + 1.0,
                  {.interpolation = Interpolation::spline, .outside = Outside::hold, .noise = noise},
                  noise, &engine));
     IdentificationSettings settings;
@@ -186,7 +186,7 @@ TEST(RecordedIdentification, CoarseRecordIsNamedAsTheReason) {
   std::cout << "seed " << seed << '\n';
   Random random(seed);
   const Scene truth = shaken_rattle(random, 1);
-  const Scene given = with_input(truth, *sampled(0.02, duration + 1.0, {.outside = Outside::hold}));
+  const Scene given = with_input(truth, *sampled(0.02, recorded + 1.0, {.outside = Outside::hold}));
   const auto events = events_of(truth, 1e-7, seed);
   IdentificationSettings settings;
   settings.unknowns = parameters_named(given, {"impact.restitution"});
@@ -215,7 +215,7 @@ TEST(RecordedIdentification, FindsTheDelayOfADisplacement) {
   };
   const auto record = [&](double every, double shift) {
     std::vector<double> t, values;
-    for (int k = -5; every * k < duration + 1.0; ++k) {
+    for (int k = -5; every * k < recorded + 1.0; ++k) {
       t.push_back(every * k - shift);
       values.push_back(e(every * k));
     }

@@ -71,14 +71,14 @@ class Wire {
   int descriptor_ = -1;
 };
 
-struct Recorded {
+struct Log {
   std::vector<std::vector<ContactEvent>> sessions;
   double horizon = -1.0;  // of the last message
 };
 
 /// The events of a log, by session. Each session ends before the next one begins.
-Recorded read_log(const std::filesystem::path& file, const std::optional<Key>& key = std::nullopt) {
-  Recorded result;
+Log read_log(const std::filesystem::path& file, const std::optional<Key>& key = std::nullopt) {
+  Log result;
   std::vector<std::int64_t> known;
   ChannelLogReader reader(file);
   ChannelRecord record;
@@ -288,7 +288,7 @@ TEST_F(ListenProgramTest, TenThousandEdgesASecondAreAllPublished) {
     std::this_thread::sleep_until(began + std::chrono::duration<double>(1e-4 * count * done));
   }
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const Recorded recorded = read_log(directory_ / "run.lcmlog");
+  const Log recorded = read_log(directory_ / "run.lcmlog");
   ASSERT_EQ(recorded.sessions.size(), 1U) << process.err();
   ASSERT_EQ(recorded.sessions[0].size(), stream.events.size()) << process.err();
   for (std::size_t i = 0; i < stream.events.size(); ++i) {
@@ -335,7 +335,7 @@ TEST_F(ListenProgramTest, ASerialPortThatWasGoneIsOpenedAgain) {
   wait_for(process, "the device is back");
   wire.send("\n7,1,1\n7.1,1,0\n");
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const Recorded recorded = read_log(directory_ / "run.lcmlog");
+  const Log recorded = read_log(directory_ / "run.lcmlog");
   EXPECT_EQ(recorded.sessions[0], (std::vector<ContactEvent>{{1.0, 0, closes}}));
   EXPECT_EQ(recorded.sessions[1], (std::vector<ContactEvent>{{7.0, 0, closes}, {7.1, 0, opens}}));
   EXPECT_EQ(report()["reconnections"], 1);
