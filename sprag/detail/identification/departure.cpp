@@ -16,6 +16,14 @@ constexpr double least_gain = 14.0;
 // Search for a noise: log10 of its ratio to the jitter's effect.
 constexpr double lowest = -6.0, highest = 5.0, step = 0.5;
 
+// What a cause takes from the cost with the likeliest size that a machine can have: a restitution
+// changes by less than 1, an impact loses less than its speed, a contact lasts for less than the
+// interval of events.
+double possible_gain(const GaussNewton::Effect& effect, double most) {
+  const double size = std::abs(effect.value);
+  return size > most ? effect.gain * most * (2.0 * size - most) / square(size) : effect.gain;
+}
+
 class Departures {
  public:
   Departures(GaussNewton& solver, const EventFit& fit, const DepartureScale& scale)
@@ -163,11 +171,13 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
   const double freedom = std::max(fit.freedom - 1, 1);
   double largest = 0.0;
   for (std::size_t k = 0; k < effects.size(); ++k) {
-    double gain = effects[k].gain * square(fit.sigma / scale.jitter), rise = gain;
+    const double most = linear_causes[k] == Cause::soft_stop ? scale.interval : 1.0;
+    const double cost = possible_gain(effects[k], most);
+    double gain = cost * square(fit.sigma / scale.jitter), rise = gain;
     double least = least_gain;
     if (!scale.given) {
-      const double share = std::min(
-          effects[k].gain * square(fit.sigma) / std::max(fit.squares, 1e-300), 1.0 - 1e-12);
+      const double share =
+          std::min(cost * square(fit.sigma) / std::max(fit.squares, 1e-300), 1.0 - 1e-12);
       gain = share / (1.0 - share) * freedom;
       rise = -fit.freedom * std::log(1.0 - share);
       // A jitter of few events is uncertain.
