@@ -171,6 +171,17 @@ TEST(DrawnRecords, FindsASpuriousEventByItsResidual) {
   for (const double z : errors(record, result)) EXPECT_LT(z, 6.0);
 }
 
+// One pulse among contacts that last: only a restitution that changes by thousands would move it.
+TEST(DrawnRecords, NamesNoCauseOfAnImpossibleSize) {
+  for (const std::uint64_t trial : {16U, 43U, 44U}) {
+    const Record record = drawn("plastic impacts", trial);
+    const Identification result = fitted(record);
+    EXPECT_TRUE(result.fits()) << trial << ": " << reason_of(result);
+    EXPECT_EQ(result.departure.cause, Cause::none) << trial;
+    for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
+  }
+}
+
 // A wrong machine is not explained by events that would be spurious.
 TEST(DrawnRecords, DoesNotBlameTheRecordForFriction) {
   for (const std::uint64_t trial : {6U, 9U, 12U}) {
