@@ -21,7 +21,7 @@ namespace {
 using test::events_of;
 using test::shipped_scene;
 
-constexpr double tick_length = 0.05, observed = 24.0;
+constexpr double tick_length = 0.05, observed = 24.0;  // duration of an observation
 
 /// The paper's beam with a wrong damping and restitution.
 Scene wrong_scene() {

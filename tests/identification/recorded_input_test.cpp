@@ -36,7 +36,7 @@ SampledInputPointer sampled(double dt, double end, SampledInput::Settings settin
   return std::make_shared<const SampledInput>(t, values, std::move(settings));
 }
 
-constexpr double recorded = 20.0;
+constexpr double recorded = 20.0;  // duration
 
 Scene shaken_rattle(Random& random, Eigen::Index f, bool coupled = false) {
   Scene scene = test::rattle(random, f, coupled);
