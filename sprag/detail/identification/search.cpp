@@ -1,6 +1,7 @@
 #include "sprag/detail/identification/search.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
@@ -27,7 +28,7 @@ constexpr std::size_t most_skipped = 3, most_lost = 2, most_lost_between = 8;
 // Price of a change beyond twice the logarithm of the number of events.
 constexpr double price_of_change = 4.0;
 // Explanations with changes that are compared, and windows with two starts that are tried.
-constexpr std::size_t most_finished = 3, most_splits = 30;
+constexpr std::size_t most_finished = 3, most_splits = 60;
 // Logarithm of a chance that is none.
 constexpr double certain = 25.0;
 constexpr int most_rounds = 8;
@@ -431,10 +432,9 @@ std::optional<FitEvent> FitSearch::next_impact(const VectorXd& x, double t, doub
   return std::nullopt;
 }
 
-// A dropped event at an inserted one is this event.
-void FitSearch::restore_moved(Chain& chain) const {
+// A dropped event within `beside` [s] of an inserted one is this event.
+void FitSearch::restore_moved(Chain& chain, double beside) {
   std::vector<EventChange>& changes = chain.changes;
-  const double beside = six * std::sqrt(tolerated(chain.fit));
   for (std::size_t i = 0; i < changes.size();) {
     const EventChange lost = changes[i];
     const auto dropped = std::find_if(changes.begin(), changes.end(), [&](const EventChange& of) {
@@ -465,7 +465,7 @@ void FitSearch::restore_moved(Chain& chain) const {
 // Takes a chain with a changed piece as `best` if its events agree and it is the cheapest: a change
 // costs twice the logarithm of the number of events.
 void FitSearch::consider(Chain changed, const Chain& chain, double added, Option& best) {
-  restore_moved(changed);
+  restore_moved(changed, six * std::sqrt(tolerated(chain.fit)));
   std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
   if (!fitted || !agrees(*fitted, chain.fit, added)) return;
   const double count = static_cast<double>(changed.changes.size() - chain.changes.size());
@@ -742,6 +742,17 @@ void FitSearch::prune(Chain& chain) {
   }
 }
 
+// Restores events that were dropped, and inserted elsewhere, along a path with too few changes.
+void FitSearch::restore(Chain& chain) {
+  Chain changed = chain;
+  restore_moved(changed, beside_event * record_->interval);
+  if (changed.changes.size() == chain.changes.size()) return;
+  std::optional<EventFit> fitted = refit(changed.parts(), chain.fit);
+  if (!fitted || !plausible(*fitted)) return;
+  changed.fit = std::move(*fitted);
+  if (price(changed) < price(chain)) chain = std::move(changed);
+}
+
 // Iterates to the minimum. Without a jitter the weights follow the scatter.
 void FitSearch::polish(Chain& chain) {
   for (int round = 0; round < most_rounds; ++round) {
@@ -809,23 +820,35 @@ std::vector<std::vector<Piece>> FitSearch::windows(std::size_t number, bool spli
   const std::size_t unknowns = starts + static_cast<std::size_t>(solver_->parameters());
   std::vector<std::vector<Piece>> all;
   std::vector<std::pair<std::size_t, std::size_t>> places;
-  for (const std::size_t extra : {2 * agreeing, agreeing}) {
+  const auto add = [&](std::size_t half, std::size_t extra) {
     const std::size_t length = std::min(unknowns + extra + (split ? starts : 0), stretch.size());
-    for (const std::size_t half : {0U, 2U, 4U, 1U, 6U, 8U}) {
-      const std::size_t low = std::min(half * length / 2, stretch.size() - length);
-      const std::pair place{low, low + length};
-      if (std::find(places.begin(), places.end(), place) == places.end()) places.push_back(place);
-    }
+    const std::size_t low = std::min(half * length / 2, stretch.size() - length);
+    const std::pair place{low, low + length};
+    if (std::find(places.begin(), places.end(), place) == places.end()) places.push_back(place);
+  };
+  constexpr std::array<std::size_t, 6> halves{0, 2, 4, 1, 6, 8};
+  constexpr std::array<std::size_t, 2> extras{2 * agreeing, agreeing};
+  if (split) {
+    // The begin of a record tells most about its machine: the rest may be a settled orbit.
+    for (const std::size_t half : halves)
+      for (const std::size_t extra : extras) add(half, extra);
+  } else {
+    for (const std::size_t extra : extras)
+      for (const std::size_t half : halves) add(half, extra);
   }
   for (const auto& [low, high] : places) {
     if (!split) {
       all.push_back({{number, low, high, stretch.part(low, high)}});
       continue;
     }
+    // Without one event, which may be spurious, or beside which one may be lost.
     const std::size_t least = starts + 1;
-    for (std::size_t k = low + least; k + least <= high; ++k) {
-      all.push_back(
-          {{number, low, k, stretch.part(low, k)}, {number, k, high, stretch.part(k, high)}});
+    for (std::size_t k = 0; low == 0 && k < least && k + least < high; ++k) {
+      all.push_back({{number, k + 1, high, stretch.part(k + 1, high)}});
+    }
+    for (std::size_t k = low + least; k + 1 + least <= high; ++k) {
+      all.push_back({{number, low, k, stretch.part(low, k)},
+                     {number, k + 1, high, stretch.part(k + 1, high)}});
     }
     if (all.size() > most_splits) break;
   }
@@ -902,6 +925,7 @@ void FitSearch::explain(Chain& chain) {
   complete(chain);
   if (changes_) mend(chain);
   if (changes_) prune(chain);
+  if (changes_) restore(chain);
   if (changes_) begin_record(chain);
   insert_unrecorded(chain);
   polish(chain);
@@ -934,8 +958,13 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
   starts_ = starts;
   const std::size_t unknowns = static_cast<std::size_t>(2 * solver_->n() + solver_->parameters());
   std::vector<Chain> tried;
-  std::size_t finished = 0;
   const auto cheaper = [&](const Chain& a, const Chain& b) { return price(a) < price(b); };
+  // Windows that led to an explanation of the record, unless that of a part is likelier.
+  std::size_t explained = 0;
+  const auto finished = [&] {
+    const auto best = std::min_element(tried.begin(), tried.end(), cheaper);
+    return best != tried.end() && explains(*best) ? explained : 0;
+  };
   for (const bool split : {false, true}) {
     if (split && !changes_) break;
     std::size_t failed = 0;
@@ -978,16 +1007,17 @@ std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
               return other.explained && std::abs(price(other) - reached) < 1.0;
             });
         tried.insert(tried.end(), here.begin(), here.end());
-        finished += done;
+        explained += done;
         failed += grown && !done;
-        if (clean || again || finished >= most_finished || failed >= most_tried) break;
+        const bool ends = again && (!split || finished() > 0);
+        if (clean || ends || finished() >= most_finished || failed >= most_tried) break;
       }
-      if (finished > 0) break;
+      if (finished() > 0) break;
     }
-    if (finished > 0) break;
+    if (finished() > 0) break;
   }
   std::stable_sort(tried.begin(), tried.end(), cheaper);
-  if (finished == 0 && !tried.empty() && !tried.front().explained) explain(tried.front());
+  if (finished() == 0 && !tried.empty() && !tried.front().explained) explain(tried.front());
   if (tried.empty() || !tried.front().explained) return tried;
   for (int round = 0; round < most_rounds && descend(tried.front()); ++round) {
     explain(tried.front());

@@ -98,6 +98,7 @@ class FitSearch {
   std::vector<Chain> candidates(const std::vector<Piece>& pieces);
   std::vector<std::vector<Piece>> windows(std::size_t number, bool split) const;
   void prune(Chain& chain);
+  void restore(Chain& chain);
   void polish(Chain& chain);
   bool descend(Chain& chain);
   void begin_record(Chain& chain);
@@ -122,7 +123,7 @@ class FitSearch {
     std::optional<Chain> chain = {};
     double price = 0.0;
   };
-  void restore_moved(Chain& chain) const;
+  static void restore_moved(Chain& chain, double beside);
   void consider(Chain changed, const Chain& chain, double added, Option& best);
   static bool drop(std::span<const FitEvent> events, Chain& chain);
   std::optional<Chain> continued(const Chain& chain, std::size_t first, std::size_t from_a,
