@@ -508,7 +508,7 @@ void Judge::put_verdict(Identification& result) {
   result.problem = first->problem;
   result.misfit = first->misfit;
   if (result.problem != FitProblem::bound_reached &&
-      is_periodic(context_->events, context_->settings.jitter.value_or(0.0))) {
+      closings_per_period(context_->events, context_->settings.jitter.value_or(0.0)) > 0) {
     result.problem = FitProblem::degenerate_orbit;
     result.misfit = Misfit::none;
   } else if (result.problem != FitProblem::bound_reached &&
@@ -524,9 +524,9 @@ void Judge::put_verdict(Identification& result) {
 
 Identification Judge::run() {
   Identification result;
-  // Exactly periodic times determine fewer values than parameters.
-  const bool repeats =
-      solver_->parameters() > 1 && is_exact() && is_periodic(context_->events, search_->floor());
+  // Times that repeat determine no more values than there are in a period.
+  const std::size_t repeated = closings_per_period(context_->events, std::sqrt(variance_));
+  const bool repeats = repeated > 0 && static_cast<std::size_t>(solver_->parameters()) > repeated;
   for (Index k = 0; k < solver_->parameters(); ++k) {
     if (fit_->own_share[k] < least_own_share || repeats) {
       deviations_[k] = infinity;

@@ -22,7 +22,7 @@ std::vector<double> closings_of(std::span<const ContactEvent> events) {
 
 }  // namespace
 
-bool is_periodic(std::span<const ContactEvent> events, double jitter) {
+std::size_t closings_per_period(std::span<const ContactEvent> events, double jitter) {
   constexpr std::size_t longest = 4;
   constexpr double in_jitters = 2.0, usual = 1e-3, largest = 1e-2;
   const std::vector<double> times = closings_of(events);
@@ -35,9 +35,9 @@ bool is_periodic(std::span<const ContactEvent> events, double jitter) {
     const double off = std::sqrt(0.5 * squares / static_cast<double>(n));
     const double interval = period / static_cast<double>(p);
     const double allowed = jitter > 0.0 ? in_jitters * jitter : usual * interval;
-    if (off < std::clamp(allowed, negligible_scatter * interval, largest * interval)) return true;
+    if (off < std::clamp(allowed, negligible_scatter * interval, largest * interval)) return p;
   }
-  return false;
+  return 0;
 }
 
 bool has_merged_bounces(const Scene& scene, std::span<const ContactEvent> events) {

@@ -1,6 +1,7 @@
 // Checks of a record of contact events without a fit.
 #pragma once
 
+#include <cstddef>
 #include <span>
 
 #include "sprag/contact_event.h"
@@ -8,9 +9,10 @@
 
 namespace sprag {
 
-/// Whether the closings repeat after at most four of them, within twice the jitter [s], 0 if
-/// unknown. Such a record determines the few times of one period and nothing else.
-bool is_periodic(std::span<const ContactEvent> events, double jitter);
+/// The number of closings, at most four, after which they repeat within twice the jitter [s], 0 if
+/// unknown; 0: they do not repeat. Such a record determines the times of one period and nothing
+/// else, hence no more numbers than these.
+std::size_t closings_per_period(std::span<const ContactEvent> events, double jitter);
 
 /// Whether many impacts of the scene's machine, single ones or the last of a chatter, follow the
 /// previous one sooner than any recorded event does. The sensor then merges such bounces. False if
