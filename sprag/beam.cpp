@@ -1,6 +1,8 @@
 #include "sprag/beam.h"
 
+#include <array>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 namespace sprag {
@@ -14,24 +16,18 @@ constexpr long double pi = std::numbers::pi_v<long double>;
 struct Root {
   int i;
   long double offset;
-  long double sign;   // of sin(beta_i l)
-  long double decay;  // exp(-beta_i l)
+  long double sign;    // of sin(beta_i l)
+  long double decay;   // exp(-beta_i l)
+  long double excess;  // (1 - sigma_i) / decay: avoids exp(beta_i x) alone, which overflows
 
   long double wavenumber() const { return (i - 0.5L) * pi + offset; }
-  // 1 - sigma_i = excess() exp(-beta_i l). As a product it avoids exp(beta_i x) alone, which
-  // overflows.
-  long double excess() const {
-    const long double sine = sign * std::cos(offset);
-    const long double cosine = -sign * std::sin(offset);
-    return 2 * (sine - cosine - decay) / (1 - decay * decay + 2 * sine * decay);
-  }
-  long double sigma() const { return 1 - excess() * decay; }
+  long double sigma() const { return 1 - excess * decay; }
 };
 
 // cos(x) cosh(x) = -1 at x = (i - 1/2) pi + e becomes sin(e) = sign / cosh(x), which is nearly
 // linear.
-Root root(int i) {
-  Root r{i, 0, i % 2 == 1 ? 1.0L : -1.0L, 0};
+Root solve_root(int i) {
+  Root r{i, 0, i % 2 == 1 ? 1.0L : -1.0L, 0, 0};
   constexpr int newton_steps = 8;  // i = 1 needs 5
   for (int k = 0; k < newton_steps; ++k) {
     r.decay = std::exp(-r.wavenumber());
@@ -41,7 +37,22 @@ Root root(int i) {
     r.offset -= (std::sin(r.offset) - r.sign * sech) / slope;
   }
   r.decay = std::exp(-r.wavenumber());
+  const long double sine = r.sign * std::cos(r.offset);
+  const long double cosine = -r.sign * std::sin(r.offset);
+  r.excess = 2 * (sine - cosine - r.decay) / (1 - r.decay * r.decay + 2 * sine * r.decay);
   return r;
+}
+
+// The first roots are solved once: an identification of a position needs them thousands of times.
+Root root(int i) {
+  static const std::array<Root, 64> first = [] {
+    std::array<Root, 64> roots;
+    for (int k = 1; k <= std::ssize(roots); ++k) {
+      roots[static_cast<std::size_t>(k - 1)] = solve_root(k);
+    }
+    return roots;
+  }();
+  return i <= std::ssize(first) ? first[static_cast<std::size_t>(i - 1)] : solve_root(i);
 }
 
 // v_i near the clamp, where cos and cosh cancel: -2 (y^2/2! + y^6/6! + ...) + 2 sigma (y^3/3! +
@@ -64,7 +75,7 @@ long double shape(const Root& r, long double xi) {
   if (y < 1) return series(y, sigma);
   // Removes whole turns while the argument is exact, so that its error does not grow with i.
   const long double angle = std::fmod((r.i - 0.5L) * xi, 2.0L) * pi + r.offset * xi;
-  const long double growing = r.excess() * std::exp(r.wavenumber() * (xi - 1)) / 2;
+  const long double growing = r.excess * std::exp(r.wavenumber() * (xi - 1)) / 2;
   const long double falling = (1 + sigma) * std::exp(-y) / 2;
   return std::cos(angle) - sigma * std::sin(angle) - growing - falling;
 }
