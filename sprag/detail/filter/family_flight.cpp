@@ -96,6 +96,7 @@ void FamilyFlight::set(const ConstVector& c, bool derivatives) {
   }
   for (Variant& variant : variants_) {
     variant.part.known = variant.interval.known = variant.whole.known = false;
+    variant.harmonics_at = std::numeric_limits<double>::quiet_NaN();
   }
   turn_.known = false;
 }
@@ -105,9 +106,15 @@ ContactSet FamilyFlight::independent(ContactSet first, ContactSet closed) const 
 }
 
 void FamilyFlight::set_phases(double t, Variant& variant) const {
+  if (variant.harmonics_at == t) return;
+  variant.harmonics_at = t;
+  // Most machines of the family have the centre's frequencies.
+  const bool of_centre = &variant != &centre() && centre().harmonics_at == t;
   for (std::size_t h = 0; h < variant.harmonics.size(); ++h) {
-    variant.harmonics[h] =
-        std::polar(1.0, variant.machine.frequencies[static_cast<Eigen::Index>(h)] * t);
+    const double frequency = variant.machine.frequencies[static_cast<Eigen::Index>(h)];
+    const bool same =
+        of_centre && frequency == centre().machine.frequencies[static_cast<Eigen::Index>(h)];
+    variant.harmonics[h] = same ? centre().harmonics[h] : std::polar(1.0, frequency * t);
   }
 }
 

@@ -14,6 +14,7 @@
 
 #include <Eigen/Core>
 #include <complex>
+#include <limits>
 #include <vector>
 
 #include "sprag/detail/filter/family_machine.h"
@@ -83,7 +84,8 @@ class FamilyFlight final : public Flight {
     bool moves_like_centre = false;  // FamilyMachine::moves_like()
     Eigen::VectorXd x;
     std::vector<std::complex<double>> harmonics;  // e^(i Omega t) at the end of the flight
-    std::vector<InputDerivatives> recorded;       // each record there
+    double harmonics_at = std::numeric_limits<double>::quiet_NaN();  // this t; NaN: unknown
+    std::vector<InputDerivatives> recorded;                          // each record there
     // Of the last flight: in closed form; of its last part; of its parts from knot to knot; of all
     // of it, without inputs.
     std::vector<OscillatorStep> steps;
