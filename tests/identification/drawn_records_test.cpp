@@ -54,6 +54,42 @@ TEST(DrawnRecords, TriangularizationKeepsTheProductOfColumns) {
   EXPECT_EQ(M.triangularView<Eigen::StrictlyLower>().toDenseMatrix().norm(), 0.0);
 }
 
+TEST(DrawnRecords, TriangularizationOfAnotherRowKeepsTheProductOfColumns) {
+  common::Random draw(2);
+  Eigen::MatrixXd M(7, 6);
+  for (double& entry : M.reshaped()) entry = draw.normal();
+  M.bottomRows(6) = M.bottomRows(6).triangularView<Eigen::Upper>().toDenseMatrix();
+  M.col(2).setZero();
+  const Eigen::MatrixXd before = M;
+  triangularize_rows(M);
+  EXPECT_LT((M.transpose() * M - before.transpose() * before).norm(), 1e-13 * before.squaredNorm());
+  EXPECT_EQ(M.triangularView<Eigen::StrictlyLower>().toDenseMatrix().norm(), 0.0);
+}
+
+// Along the recorded times a path moves linearly with its start, unless a restitution depends on
+// the speed: then it is flown again. So small a slope changes nothing else.
+TEST(DrawnRecords, HeldPathsMoveLinearlyWithTheirStart) {
+  for (const char* kind : {"beam, 7", "two masses", "plastic impacts", "all contacts last"}) {
+    const Record record = drawn(kind, 1);
+    Scene curved = record.nominal;
+    for (Contact& contact : curved.model.contacts) contact.curve.slope = -1e-200;
+    std::vector<GaussNewton::Held> held;
+    for (const Scene& scene : {record.nominal, curved}) {
+      GaussNewton solver(scene, record.settings.unknowns, false);
+      const Eigen::VectorXd c = Eigen::VectorXd::Zero(solver.parameters());
+      solver.resolve(1e-8);
+      solver.flight().set(c, false);
+      const FitRecord of = fit_record(record.events, record.settings, 0.0, solver.flight());
+      held.push_back(solver.hold({of.stretches.front().part(0, 16)}, c, 2));
+    }
+    EXPECT_NEAR(held[0].rms, held[1].rms, 1e-5 * held[1].rms) << kind;
+    EXPECT_NEAR(held[0].score, held[1].score, 1e-5 * held[1].score) << kind;
+    EXPECT_LT((held[0].c - held[1].c).norm(), 1e-5) << kind;
+    EXPECT_LT((held[0].starts[0] - held[1].starts[0]).norm(), 1e-5 * held[1].starts[0].norm())
+        << kind;
+  }
+}
+
 // Trial number `trial` of a kind has exact times if `trial` is a multiple of 3.
 struct Trials {
   const char* kind;
@@ -169,6 +205,33 @@ TEST(DrawnRecords, FindsASpuriousEventByItsResidual) {
   EXPECT_TRUE(result.fits()) << reason_of(result);
   EXPECT_EQ(result.spurious.size(), 1U);
   for (const double z : errors(record, result)) EXPECT_LT(z, 6.0);
+}
+
+// A spurious event is among the few that tell about the machine; the rest is a settled orbit.
+TEST(DrawnRecords, FindsErrorsOfTheTransient) {
+  for (const std::uint64_t trial : {33U, 45U}) {
+    const Record record = drawn("2 lost, 2 spurious", trial);
+    ASSERT_EQ(record.jitter, 0.0);
+    const Identification result = fitted(record);
+    EXPECT_TRUE(result.fits()) << trial << ": " << reason_of(result);
+    EXPECT_EQ(result.missing.size(), 2U) << trial;
+    EXPECT_EQ(result.spurious.size(), 2U) << trial;
+    for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
+  }
+}
+
+// One or two times a period determine no three values, whatever their jitter. Exact times keep the
+// last of the transient.
+TEST(DrawnRecords, ClaimsNothingFromALockedOrbit) {
+  int claimed = 0;
+  for (std::uint64_t trial = 0; trial < 12; ++trial) {
+    const Record record = drawn("locked orbit", trial);
+    const Identification result = fitted(record);
+    claimed += claims(result);
+    if (record.jitter > 0.0) EXPECT_FALSE(claims(result)) << trial;
+    for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
+  }
+  EXPECT_LE(claimed, 2);
 }
 
 // One pulse among contacts that last: only a restitution that changes by thousands would move it.

@@ -20,7 +20,7 @@ constexpr double slack = 1e-3;
 // Standard deviation of the prior of a parameter, in ranges.
 constexpr double prior_of_parameters = 3.0;
 // Ridge of starts that the events do not determine, relative to the columns.
-constexpr double ridge = 1e-11;
+constexpr double ridge = 1e-11, least_ridge = 1e-150;  // whose square is a normal number
 // Standard deviation of the prior of a start: the energy of each coordinate, in energies of a
 // typical impact.
 constexpr double prior_of_energy = 1e4;
@@ -72,18 +72,25 @@ VectorXd solve(const MatrixXd& S, const VectorXd& rhs, const std::vector<Index>&
 void triangularize_rows(Eigen::Ref<MatrixXd> M) {
   const Index rows = M.rows(), columns = std::min(M.cols(), rows - 1);
   for (Index j = 0; j < columns; ++j) {
-    auto below = M.col(j).tail(rows - j - 1);
+    Index last = rows - 1;  // that is not zero
+    while (last > j && M(last, j) == 0.0) --last;
+    if (last == j) continue;
+    auto below = M.col(j).segment(j + 1, last - j);
     const double of_below = below.squaredNorm();
-    if (of_below == 0.0) continue;
+    if (of_below == 0.0) {
+      below.setZero();
+      continue;
+    }
     const double norm = std::sqrt(of_below + square(M(j, j)));
     const double alpha = M(j, j) > 0.0 ? -norm : norm;
     const double v = M(j, j) - alpha;
     const double beta = -v / alpha;  // of H = I - beta w w^T, w = (1, below / v)
     below /= v;
     for (Index k = j + 1; k < M.cols(); ++k) {
-      const double share = beta * (M(j, k) + below.dot(M.col(k).tail(rows - j - 1)));
+      auto column = M.col(k).segment(j + 1, last - j);
+      const double share = beta * (M(j, k) + below.dot(column));
       M(j, k) -= share;
-      M.col(k).tail(rows - j - 1) -= share * below;
+      column -= share * below;
     }
     M(j, j) = alpha;
     below.setZero();
@@ -125,7 +132,10 @@ std::vector<double> EventFit::residuals() const {
 
 GaussNewton::GaussNewton(const Scene& scene, const std::vector<Parameter>& unknowns,
                          bool strictly_within)
-    : flight_(scene, unknowns), n_(flight_.n()), P_(flight_.unknowns()) {
+    : flight_(scene, unknowns),
+      is_linear_(!has_curves(scene.model)),
+      n_(flight_.n()),
+      P_(flight_.unknowns()) {
   Scene drifting = scene;
   drifting.prior.drift = 1.0;
   const Uncertainty uncertainty = uncertainty_of(drifting);
@@ -164,6 +174,7 @@ void GaussNewton::linearize(const FitEvent& event, ContactSet held, double tau, 
   row.A.setIdentity(2 * n_, 2 * n_);
   flight_.carry(row.A);
   row.by_x.noalias() = row.A.transpose() * gradient;
+  row.velocity_by_x.noalias() = row.A.transpose() * of_velocity;
   row.by_c.setZero(columns);
   row.of_time.setZero(columns);
   if (columns > 0 && P_ > 0) {
@@ -200,7 +211,6 @@ void GaussNewton::fly(const FitStretch& stretch, const VectorXd& start,
   VectorXd x = start;
   double t = stretch.start;
   ContactSet held = stretch.held;
-  std::vector<double> speeds;
   for (std::size_t k = 0; k < stretch.size(); ++k) {
     const FitEvent& event = stretch.events[k];
     flight_.fly(x, t, times[k] - t, held);
@@ -208,12 +218,20 @@ void GaussNewton::fly(const FitStretch& stretch, const VectorXd& start,
     x = flight_.x();
     t = times[k];
     held = after(held, {t, event.contact, event.kind});
-    if (event.impact()) speeds.push_back(std::abs(path.rows[k].gamma));
   }
   path.end = x;
-  path.typical = median(speeds);
-  if (!(path.typical > 0.0)) path.typical = 1.0;
+  path.set_typical(stretch);
   if (path.prior.size() == 0) path.prior.setZero(2 * n_);
+}
+
+// The median speed of the impacts.
+void GaussNewton::Path::set_typical(const FitStretch& stretch) {
+  std::vector<double> speeds;
+  for (std::size_t k = 0; k < stretch.size(); ++k) {
+    if (stretch.events[k].impact()) speeds.push_back(std::abs(rows[k].gamma));
+  }
+  typical = median(std::move(speeds));
+  if (!(typical > 0.0)) typical = 1.0;
 }
 
 // A contact that is closed at the start has no gap and no gap velocity. Without a scale the first
@@ -282,28 +300,30 @@ void GaussNewton::sweep(const FitStretch& stretch, const VectorXd& at,
   for (std::size_t k = stretch.size(); k-- > 0;) {
     Row& row = path.rows[k];
     const FitEvent& event = stretch.events[k];
-    const auto by_x = R.leftCols(N);
+    const auto by_x = R.topLeftCorner(N, N);
     const Index D = f == 1 ? row.noise.cols() : 0, e = f + D;  // eliminated: the time, the noise
-    work_.setZero(m + 1 + e, m + e);
-    if (f == 1) work_.col(0).head(m).noalias() = by_x * row.s;
-    if (D > 0) work_.block(0, 1, m, D).noalias() = by_x * row.noise;
-    work_.block(0, e, m, N).noalias() = by_x * row.A;
-    work_.block(0, e + N, m, columns) = R.middleCols(N, columns);
-    work_.block(0, e + N, m, columns).noalias() += by_x * row.B;
-    work_.col(e + N + columns).head(m) = R.col(m - 1);
+    // First the rows that depend on the state: those of the parameters are triangular already.
+    const Index first = 1 + e;
+    work_.setZero(m + first, m + e);
+    if (f == 1) work_.col(0).segment(first, N).noalias() = by_x * row.s;
+    if (D > 0) work_.block(first, 1, N, D).noalias() = by_x * row.noise;
+    work_.block(first, e, N, N).noalias() = by_x * row.A;
+    work_.block(first, e + N, m, columns) = R.middleCols(N, columns);
+    work_.block(first, e + N, N, columns).noalias() += by_x * row.B;
+    work_.col(e + N + columns).segment(first, m) = R.col(m - 1);
     const double w = f == 1 ? row.weight / (slack * sigma) : row.weight;
-    if (f == 1) work_(m, 0) = w * row.gamma;
-    if (D > 0) work_.row(m).segment(1, D) = w * row.by_noise.transpose();
-    work_.row(m).segment(e, N) = w * row.by_x.transpose();
-    work_.row(m).segment(e + N, columns) = w * row.by_c.transpose();
-    work_(m, e + N + columns) = -w * row.g;
+    if (f == 1) work_(0, 0) = w * row.gamma;
+    if (D > 0) work_.row(0).segment(1, D) = w * row.by_noise.transpose();
+    work_.row(0).segment(e, N) = w * row.by_x.transpose();
+    work_.row(0).segment(e + N, columns) = w * row.by_c.transpose();
+    work_(0, e + N + columns) = -w * row.g;
     if (f == 1) {
       const double of_time = (event.timed ? 1.0 : weight_of_guess) / sigma;
-      work_(m + 1, 0) = of_time;
-      work_.row(m + 1).segment(e + N, columns) = of_time * row.of_time.transpose();
-      work_(m + 1, e + N + columns) = of_time * (event.t - times[k]);
+      work_(1, 0) = of_time;
+      work_.row(1).segment(e + N, columns) = of_time * row.of_time.transpose();
+      work_(1, e + N + columns) = of_time * (event.t - times[k]);
     }
-    for (Index j = 0; j < D; ++j) work_(m + 2 + j, 1 + j) = 1.0;
+    for (Index j = 0; j < D; ++j) work_(1 + f + j, 1 + j) = 1.0;
     triangularize_rows(work_);
     for (Index j = 0; j < e; ++j) path.logs += 2.0 * std::log(std::abs(work_(j, j)));
     if (f == 1 && w > 0.0) path.logs -= 2.0 * std::log(w);
@@ -319,7 +339,7 @@ void GaussNewton::sweep(const FitStretch& stretch, const VectorXd& at,
   }
   const double size = f == 1 ? 1.0 : resolution_;
   for (Index i = 0; i < N; ++i) {
-    const double least = std::max(ridge * R.col(i).norm(), 1e-300);
+    const double least = std::max(ridge * R.col(i).norm(), least_ridge);
     start(start.rows() - N + i, i) = std::max(least, size * path.prior[i]);
     start(start.rows() - N + i, m - 1) = -size * path.prior[i] * at[i];
   }
@@ -353,29 +373,52 @@ MatrixXd GaussNewton::shared(std::size_t stretches, Index columns) const {
   return S;
 }
 
+void GaussNewton::fly_recorded(const std::vector<FitStretch>& stretches, const Held& held,
+                               Index columns) {
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    fly(stretches[i], held.starts[i], recorded_times(stretches[i]), columns, paths_[i]);
+  }
+}
+
+// Moves a path along held times by a change of its start.
+void GaussNewton::shift(const FitStretch& stretch, VectorXd dx, Path& path) const {
+  path.of_held.rightCols(1) -= path.of_held.leftCols(2 * n_) * dx;
+  for (std::size_t k = 0; k < stretch.size(); ++k) {
+    Row& row = path.rows[k];
+    row.g += row.by_x.dot(dx);
+    row.gamma += row.velocity_by_x.dot(dx);
+    dx = row.A * dx;
+  }
+  path.end += dx;
+  path.set_typical(stretch);
+}
+
+// The best starts along the recorded times at these parameters, from the paths of `held`, which
+// move to them.
 double GaussNewton::move_starts(const std::vector<FitStretch>& stretches, Held& held) {
   double squares = 0.0;
   std::size_t events = 0;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
-    const std::vector<double> times = recorded_times(stretches[i]);
-    fly(stretches[i], held.starts[i], times, 0, paths_[i]);
-    sweep(stretches[i], held.starts[i], times, Times::held, 1.0, 0, paths_[i]);
-    held.starts[i] += start_step(paths_[i], VectorXd());
+    sweep(stretches[i], held.starts[i], recorded_times(stretches[i]), Times::held, 1.0, 0,
+          paths_[i]);
+    const VectorXd dx = start_step(paths_[i], VectorXd());
+    held.starts[i] += dx;
+    if (is_linear_) shift(stretches[i], dx, paths_[i]);
     squares += square(paths_[i].R(2 * n_, 2 * n_));
     events += stretches[i].size();
   }
+  if (!is_linear_) fly_recorded(stretches, held, 0);
   held.rms = std::sqrt(squares / static_cast<double>(std::max<std::size_t>(events, 1)));
   return held.rms;
 }
 
-// Flies along the recorded times and sets the weights from the speeds.
+// Sets the weights from the speeds.
 void GaussNewton::score(const std::vector<FitStretch>& stretches, Held& held) {
   double squares = 0.0;
   int events = 0, impacts = 0, inside = 0;
   for (std::size_t i = 0; i < stretches.size(); ++i) {
     Path& path = paths_[i];
     const FitStretch& stretch = stretches[i];
-    fly(stretch, held.starts[i], recorded_times(stretch), 0, path);
     std::vector<double> rates;
     for (std::size_t k = 0; k < stretch.size(); ++k) {
       if (!stretch.events[k].impact()) rates.push_back(std::abs(path.rows[k].gamma));
@@ -415,6 +458,7 @@ GaussNewton::Held GaussNewton::project(const std::vector<FitStretch>& stretches,
       path.rows[k].weight = stretches[i].events[k].impact() ? 1.0 : 0.0;
     }
   }
+  fly_recorded(stretches, held, 0);
   move_starts(stretches, held);
   score(stretches, held);
   for (std::size_t i = 0; i < stretches.size(); ++i) set_prior(paths_[i]);
@@ -430,10 +474,10 @@ GaussNewton::Held GaussNewton::hold(const std::vector<FitStretch>& stretches, co
   for (const FitStretch& stretch : stretches) events += static_cast<double>(stretch.size());
   for (int iteration = 0; P_ > 0 && iteration < iterations && best.score < infinity; ++iteration) {
     flight_.set(best.c, true);
+    fly_recorded(stretches, best, P_);
     for (std::size_t i = 0; i < stretches.size(); ++i) {
-      const std::vector<double> times = recorded_times(stretches[i]);
-      fly(stretches[i], best.starts[i], times, P_, paths_[i]);
-      sweep(stretches[i], best.starts[i], times, Times::held, 1.0, P_, paths_[i]);
+      sweep(stretches[i], best.starts[i], recorded_times(stretches[i]), Times::held, 1.0, P_,
+            paths_[i]);
     }
     const MatrixXd S = shared(stretches.size(), P_);
     if (!S.allFinite()) break;
@@ -449,6 +493,7 @@ GaussNewton::Held GaussNewton::hold(const std::vector<FitStretch>& stretches, co
       dc = dc.cwiseMax(-largest_step * scale_).cwiseMin(largest_step * scale_);
       trial = {(best.c + dc).cwiseMax(low_).cwiseMin(high_), best.starts, 0.0, 0.0};
       flight_.set(trial.c, false);
+      fly_recorded(stretches, trial, 0);
       const double rms = move_starts(stretches, trial);
       better = events * square(rms) <= before * (1.0 + 1e-12);
       lambda = better ? std::max(lambda / 9.0, 1e-12) : std::max(4.0 * lambda, 1e-6);

@@ -137,7 +137,7 @@ class GaussNewton {
  private:
   struct Row {  // linearization at one event
     Eigen::MatrixXd A, B, noise;
-    Eigen::VectorXd s, by_x, by_c, by_noise, of_time, eliminated;
+    Eigen::VectorXd s, by_x, velocity_by_x, by_c, by_noise, of_time, eliminated;
     double g = 0.0, gamma = 0.0, weight = 0.0;
   };
   struct Path {
@@ -148,6 +148,8 @@ class GaussNewton {
     Eigen::VectorXd prior;  // inverse standard deviations of the start
     double typical = 0.0;   // speed
     double logs = 0.0;      // of the diagonal entries of eliminated variables
+
+    void set_typical(const FitStretch& stretch);
   };
   enum class Times { held, free };
 
@@ -176,6 +178,9 @@ class GaussNewton {
   void weigh(const FitStretch& stretch, Path& path) const;
   double cost_of_paths(const std::vector<FitStretch>& stretches, const FitPoint& point,
                        double sigma) const;
+  void fly_recorded(const std::vector<FitStretch>& stretches, const Held& held,
+                    Eigen::Index columns);
+  void shift(const FitStretch& stretch, Eigen::VectorXd dx, Path& path) const;
   double move_starts(const std::vector<FitStretch>& stretches, Held& held);
   void score(const std::vector<FitStretch>& stretches, Held& held);
   Eigen::VectorXd bounded(const Eigen::MatrixXd& S, const Eigen::VectorXd& c,
@@ -187,6 +192,7 @@ class GaussNewton {
   Eigen::MatrixXd drift_;  // dx of process noise at drift 1, per root of a unit of time
   FitNoise noise_;
   bool fixes_speed_ = false;
+  bool is_linear_;  // in the start, along held times: no restitution depends on the speed
   double resolution_ = 0.0;
   Eigen::Index n_, P_;
   Eigen::VectorXd low_, high_, scale_, unit_;
