@@ -226,9 +226,10 @@ void smooth(const Scene& scene, const Drawn& drawn, double least, Claims& smooth
 void expect_calibrated(const Claims& claims, double beyond) {
   std::cout << "mean z^2 " << claims.mean() << ", beyond 5 sigma " << claims.share_beyond()
             << ", claimed " << claims.share_claimed() << '\n';
+  EXPECT_LT(claims.share_beyond(), beyond);
+  if (sanitized) return;  // too few machines for a mean
   EXPECT_GT(claims.mean(), 0.25);
   EXPECT_LT(claims.mean(), 1.6);
-  EXPECT_LT(claims.share_beyond(), beyond);
 }
 
 struct UncertainMachine {
@@ -267,6 +268,7 @@ TEST_P(UncertainParameters, SigmaMatchesErrorsOfEstimatedParameters) {
   std::cout << "parameters " << estimated.parameters.mean() << "; taken as exact "
             << exact.state.mean() << '\n';
   EXPECT_GT(estimated.state.share_claimed(), GetParam().claimed);
+  if (sanitized) return;
   EXPECT_GT(estimated.parameters.mean(), 0.4);
   EXPECT_LT(estimated.parameters.mean(), 1.8);
   EXPECT_TRUE(exact.state.count == 0 || exact.state.mean() > 4.0 * estimated.state.mean());
