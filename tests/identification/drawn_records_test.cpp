@@ -241,6 +241,8 @@ TEST(DrawnRecords, NamesNoCauseOfAnImpossibleSize) {
     const Identification result = fitted(record);
     EXPECT_TRUE(result.fits()) << trial << ": " << reason_of(result);
     EXPECT_EQ(result.departure.cause, Cause::none) << trial;
+    const auto& trend = result.departure.trend;
+    EXPECT_FALSE(trend && std::abs(trend->trend) > 100.0) << trial << ": " << trend->trend;
     for (const double z : errors(record, result)) EXPECT_LT(z, 6.0) << trial;
   }
 }

@@ -16,9 +16,11 @@ constexpr double least_gain = 14.0;
 // Search for a noise: log10 of its ratio to the jitter's effect.
 constexpr double lowest = -6.0, highest = 5.0, step = 0.5;
 
-// What a cause takes from the cost with the likeliest size that a machine can have: a restitution
-// changes by less than 1, an impact loses less than its speed, a contact lasts for less than the
-// interval of events.
+// A restitution changes by less, and an impact loses a smaller share of its speed.
+constexpr double possible_change = 1.0;
+
+// What a cause takes from the cost with the likeliest size that a machine can have. A contact lasts
+// for less than the interval of events.
 double possible_gain(const GaussNewton::Effect& effect, double most) {
   const double size = std::abs(effect.value);
   return size > most ? effect.gain * most * (2.0 * size - most) / square(size) : effect.gain;
@@ -171,7 +173,7 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
   const double freedom = std::max(fit.freedom - 1, 1);
   double largest = 0.0;
   for (std::size_t k = 0; k < effects.size(); ++k) {
-    const double most = linear_causes[k] == Cause::soft_stop ? scale.interval : 1.0;
+    const double most = linear_causes[k] == Cause::soft_stop ? scale.interval : possible_change;
     const double cost = possible_gain(effects[k], most);
     double gain = cost * square(fit.sigma / scale.jitter), rise = gain;
     double least = least_gain;
@@ -206,6 +208,7 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
   }
   const bool noisy = departure.is_drift() || departure.is_scatter();
   const GaussNewton::Effect effect = (noisy ? solver.effects(fit, noise) : effects).front();
+  if (std::abs(effect.value) > possible_change) return departure;
   const GaussNewton::Likelihood without = solver.likelihood(fit, noise);
   const double to_jitter = square(fit.sigma / scale.jitter), speed = solver.typical_speed();
   RestitutionTrend trend;
