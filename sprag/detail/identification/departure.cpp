@@ -208,7 +208,6 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
   }
   const bool noisy = departure.is_drift() || departure.is_scatter();
   const GaussNewton::Effect effect = (noisy ? solver.effects(fit, noise) : effects).front();
-  if (std::abs(effect.value) > possible_change) return departure;
   const GaussNewton::Likelihood without = solver.likelihood(fit, noise);
   const double to_jitter = square(fit.sigma / scale.jitter), speed = solver.typical_speed();
   RestitutionTrend trend;
@@ -220,7 +219,8 @@ Departure estimate_departure(const Scene& scene, const std::vector<Parameter>& u
   const double of_scatter =
       scale.given ? scale.jitter : fit.sigma * std::sqrt((without.squares - effect.gain) / freedom);
   trend.sigma = effect.sigma * of_scatter / fit.sigma / speed;
-  departure.trend = trend;
+  // What is significant and impossible is no trend.
+  if (!trend.found() || std::abs(effect.value) < possible_change) departure.trend = trend;
   return departure;
 }
 
