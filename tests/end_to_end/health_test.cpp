@@ -28,7 +28,9 @@ nlohmann::json refused_of(const health_t& health) {
 class HealthTest : public EndToEnd {
  protected:
   std::string key_file(const std::string& name, char digit) {
-    return write_text(file(name), std::string(64, digit) + '\n');
+    std::string key(64, digit);
+    key += '\n';
+    return write_text(file(name), key);
   }
 
   void listen(std::optional<Key> key = std::nullopt) {
