@@ -35,7 +35,7 @@ void check_first_roots(std::uint64_t first_seed, int count, double T, double h, 
   }
   std::cout << "roots found " << tally.found << ", none to find " << tally.none
             << ", worst |phi(root)| " << tally.worst_residual << " of its rounding\n";
-  EXPECT_GE(tally.found, count / 3);
+  EXPECT_GT(tally.found, sanitized ? count / 4 : count / 3);  // of few problems
   EXPECT_GT(tally.none, count / 10);
 }
 
