@@ -3,6 +3,7 @@
 #include <chrono>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "command_line/program.h"
 #include "command_line/scene_inputs.h"
@@ -69,14 +70,18 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   check_usage(run);
   const Scene scene = load_scene(run.scene, common);
   if (!run.output.empty()) refuse_recorded_inputs(scene, "--output");
+  std::optional<RecordedEvents> recorded;
+  if (!run.events.empty()) {
+    recorded =
+        read_recorded_events(run.events, scene, run.duration, AfterLoss::dropped, common, report);
+  }
   std::string text;
   nlohmann::ordered_json object{{"scene", scene.name}}, of_accuracy;
   int modes = run.modes;
   if (run.accuracy > 0.0) {
-    const bool alone = run.events.empty();
-    const Accuracy accuracy = needed(run, scene, text, alone ? object : of_accuracy);
+    const Accuracy accuracy = needed(run, scene, text, recorded ? of_accuracy : object);
     modes = accuracy.fewest.modes;
-    if (alone) {
+    if (!recorded) {
       print_result(object, text, run.json, report);
       if (!run.output.empty()) write_reduced(run, scene, accuracy.fewest);
       return exit_done;
@@ -85,10 +90,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   }
   const ModalMachine machine = modal_machine(scene);
   const std::vector<Eigen::Index> kept = first_modes(machine, modes);
-  const RecordedEvents recorded =
-      read_recorded_events(run.events, scene, run.duration, AfterLoss::dropped, common, report);
-
-  const Followed followed = second_half(recorded.events, recorded.begins, recorded.closed);
+  const Followed followed = second_half(recorded->events, recorded->begins, recorded->closed);
   const ReductionTable table{scene.name, closings(followed), followed.counts,
                              followed.events.back().t, reductions(machine, kept, followed)};
   if (table.reductions.empty()) {
@@ -98,7 +100,7 @@ int run_reduce(const ReduceRun& run, const CommonOptions& common, nlohmann::orde
   if (!of_accuracy.is_null()) object["by_accuracy"] = of_accuracy;
   print_result(object, text + to_text(table), run.json, report);
   if (!run.output.empty()) write_reduced(run, scene, table.reductions.front());
-  return recorded.whole ? exit_done : exit_failed;
+  return recorded->whole ? exit_done : exit_failed;
 }
 
 }  // namespace sprag
