@@ -196,7 +196,7 @@ std::optional<EventFit> FitSearch::refit(std::vector<FitStretch> parts, const Ev
   }
   const double of_times = sigma(holds ? held.rms : std::sqrt(from.variance()));
   EventFit warm = solver_->refine(parts, std::move(near), of_times, most_iterations);
-  if (!warm.stretches.empty() && warm.converged && plausible(warm)) return warm;
+  if (!warm.stretches.empty() && warm.converged) return warm;
   if (holds) {
     EventFit cold =
         solver_->refine(std::move(parts), std::move(recorded), of_times, most_iterations);
