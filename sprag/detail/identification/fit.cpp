@@ -71,20 +71,8 @@ class Fitter {
 
   // `jitter`, `changes` and `neglected`: for the search. The verdict is by the given jitter.
   EventIdentification identified(std::optional<double> jitter, bool changes, double neglected) {
-    FitSearch search(solver_, record_, jitter, changes, neglected,
-                     progress(context_.settings.unknowns));
+    FitSearch search(solver_, record_, jitter, changes, neglected, progress());
     std::vector<Chain> chains = search.run();
-    const bool found = !chains.empty() && search.explains(chains.front());
-    if (!found && context_.settings.retry && solver_.parameters() > 1) {
-      const std::vector<VectorXd> starts = from_fewer(jitter, changes, neglected);
-      if (!starts.empty()) {
-        std::vector<Chain> others = search.run(starts);
-        chains.insert(chains.end(), others.begin(), others.end());
-        std::stable_sort(chains.begin(), chains.end(), [&](const Chain& a, const Chain& b) {
-          return search.price(a) < search.price(b);
-        });
-      }
-    }
     EventIdentification identified;
     if (chains.empty()) {
       identified.result.problem = FitProblem::no_convergence;
@@ -103,33 +91,14 @@ class Fitter {
   }
 
   // Reports what is tried.
-  std::function<void(std::size_t)> progress(const std::vector<Parameter>& unknowns) const {
+  std::function<void(std::size_t)> progress() const {
     const auto& report = context_.settings.progress;
     if (!report) return {};
-    return [&report, tried = keys_of(unknowns), all = record_.events](std::size_t events) {
+    return [&report, tried = keys_of(context_.settings.unknowns),
+            all = record_.events](std::size_t events) {
       report(tried + ": a path through " + std::to_string(events) + " of " + std::to_string(all) +
              " events");
     };
-  }
-
-  // Coordinates of all parameters where one of them alone, or none, explains the record.
-  std::vector<VectorXd> from_fewer(std::optional<double> jitter, bool changes, double neglected) {
-    std::vector<VectorXd> starts;
-    const std::vector<Parameter>& all = context_.settings.unknowns;
-    for (std::size_t k = 0; k <= all.size(); ++k) {
-      IdentificationSettings settings = context_.settings;
-      settings.unknowns.clear();
-      if (k > 0) settings.unknowns.push_back(all[k - 1]);
-      GaussNewton solver(context_.scene, settings.unknowns, settings.strictly_within);
-      if (is_homogeneous(context_.scene.model)) solver.fix_speed();
-      FitSearch search(solver, record_, jitter, changes, neglected, progress(settings.unknowns));
-      const std::vector<Chain> chains = search.run();
-      if (chains.empty() || !search.explains(chains.front())) continue;
-      VectorXd c = VectorXd::Zero(solver_.parameters());
-      if (k > 0) c[static_cast<Index>(k) - 1] = chains.front().fit.point.c[0];
-      starts.push_back(std::move(c));
-    }
-    return starts;
   }
 
   // An estimated jitter is an unknown, too: it needs more equations than unknowns.

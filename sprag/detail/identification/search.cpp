@@ -104,7 +104,6 @@ double FitSearch::tolerated(const EventFit& fit) const {
 std::vector<VectorXd> FitSearch::design(std::size_t count) const {
   const Index P = solver_->parameters();
   std::vector<VectorXd> points{VectorXd::Zero(P)};
-  points.insert(points.end(), starts_.begin(), starts_.end());
   if (P == 0) return points;
   double root = 1.5;  // of root^(P + 1) = root + 1
   for (int i = 0; i < 60; ++i) root = std::pow(1.0 + root, 1.0 / static_cast<double>(P + 1));
@@ -253,11 +252,10 @@ std::vector<Chain> FitSearch::candidates(const std::vector<Piece>& pieces) {
     best.push_back(solver_->project(parts, c));
     if (!std::isfinite(best.back().score)) best.back().score = infinity;
   }
-  // The nominal values and the given starts are kept.
-  const std::size_t given = 1 + starts_.size();
-  std::stable_sort(best.begin() + static_cast<std::ptrdiff_t>(given), best.end(),
+  // The nominal values are kept.
+  std::stable_sort(best.begin() + 1, best.end(),
                    [](const auto& a, const auto& b) { return a.score < b.score; });
-  best.resize(std::min(best.size(), kept_candidates + given));
+  best.resize(std::min(best.size(), kept_candidates + 1));
   for (GaussNewton::Held& held : best) held = solver_->hold(parts, held.c, 25);
   std::stable_sort(best.begin(), best.end(),
                    [](const auto& a, const auto& b) { return a.score < b.score; });
@@ -954,8 +952,7 @@ void Chain::sort_by_time() {
   sorted(fit.velocities);
 }
 
-std::vector<Chain> FitSearch::run(const std::vector<VectorXd>& starts) {
-  starts_ = starts;
+std::vector<Chain> FitSearch::run() {
   const std::size_t unknowns = static_cast<std::size_t>(2 * solver_->n() + solver_->parameters());
   std::vector<Chain> tried;
   const auto cheaper = [&](const Chain& a, const Chain& b) { return price(a) < price(b); };

@@ -75,9 +75,8 @@ class FitSearch {
             bool changes, double neglected = negligible_scatter,
             std::function<void(std::size_t)> progress = {});
 
-  /// Explanations of the record, the best first. Empty: no window of events fits. The search tries
-  /// the coordinates `starts` of the parameters before all others.
-  std::vector<Chain> run(const std::vector<Eigen::VectorXd>& starts = {});
+  /// Explanations of the record, the best first. Empty: no window of events fits.
+  std::vector<Chain> run();
   /// Whether a chain spans enough events.
   bool explains(const Chain& chain) const;
 
@@ -152,7 +151,6 @@ class FitSearch {
   double neglected_;
   double floor_;
   std::function<void(std::size_t)> progress_;
-  std::vector<Eigen::VectorXd> starts_;
 };
 
 }  // namespace sprag
