@@ -105,18 +105,12 @@ class DrawingTest(unittest.TestCase):
         ]:  # fmt: skip
             self.assertEqual(_drawing.readable_unit(largest, unit), expected)
 
-    def test_run_colours_differ_in_grey(self):
-        grey = [
-            matplotlib.colors.to_rgb(c) @ np.array([0.2126, 0.7152, 0.0722])
-            for c in ["#000000", *_drawing.RUN_COLOURS[:2]]
-        ]
-        self.assertGreater(np.diff(np.sort(grey)).min(), 0.04)
-
 
 class RunsTest(Files):
-    def test_gaps_with_bands_of_two_sigma(self):
+    def test_gaps_with_bands_of_two_sigma_and_guaranteed_widths(self):
         states = self.table(
-            "k,t,q1,u1,sigma_g1\n0,0,0.01,2,0.001\n1,1,0.03,4,inf\n2,2,0.02,4,0.002\n"
+            "k,t,q1,u1,sigma_g1,bound_q1\n0,0,0.01,2,0.001,0.5\n1,1,0.03,4,inf,0.25\n"
+            "2,2,0.02,4,0.002,0.25\n"
         )
         figure = self.figure(states, of=machine())
         axes = panel(figure, "Gap g [mm]")
@@ -126,8 +120,8 @@ class RunsTest(Files):
         self.assertNotIn(30, heights.round(9))
         two = self.figure(states, of=machine(m=2))
         self.assertEqual(titles(two), ["Gap g1 [mm]", "Gap g2 [m]"])
-        with self.assertRaisesRegex(InputError, "run: has 1 coordinates; the scene has 2"):
-            self.figure(states, of=machine(f=2))
+        bounded = lines(self.figure(states).axes[0])["guaranteed"]
+        np.testing.assert_allclose(bounded.get_ydata(), [0.51, 0.28, 0.27])
 
     def test_inside_a_support_dashed_replica_dotted(self):
         states = self.table(
@@ -217,11 +211,6 @@ class RunsTest(Files):
         both = self.table("k,t,q1,u1,B,V,sigma_V\n0,0,1,2,1,3,1\n1,1,1,2,1,4,1\n")
         self.assertEqual(titles(self.figure(both, show=["V"])), ["V", "Error energy [J]"])
 
-    def test_guaranteed_widths(self):
-        states = self.table("k,t,q1,u1,bound_q1\n0,0,1,2,0.5\n1,1,2,2,0.25\n")
-        drawn = lines(self.figure(states).axes[0])
-        self.assertEqual(drawn["guaranteed"].get_ydata().tolist(), [1.5, 2.25])
-
     def test_contacts_are_pulses_and_stretches(self):
         events = self.table("t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n5,1,1\n")
         figure = self.figure(events, self.table(STATES))
@@ -310,7 +299,7 @@ class NamesTest(Files):
         return runs
 
     def test_names_cover_neither_each_other_nor_leave_the_axes(self):
-        for n in (1, 3, 5, 9):
+        for n in (3, 9):
             figure = self.figure(*self.crowded(n))
             figure.canvas.draw()
             axes = figure.axes[0]
@@ -349,20 +338,7 @@ class NamesTest(Files):
         for point in axes.transData.transform(axes.lines[0].get_xydata()):
             self.assertFalse(box.padded(9).contains(*point))
 
-    def test_a_leader_crosses_few_lines(self):
-        with _drawing.style():
-            axes = _drawing.new_figure(4.0, 3.0).add_subplot()
-            axes.plot([0, 1], [9.6, 9.6], label="name")
-            for y in (9.9, 10.5, *np.linspace(9.5, 9.0, 6)):
-                axes.plot([0, 1], [y, y], label="_other")
-            axes.set_ylim(0, 12)
-            axes.figure.canvas.draw()
-            _drawing.name_lines(axes)
-        self.assertGreater(axes.texts[0].get_position()[1], 10 / 12)
-
-    def test_names_may_begin_with_an_underscore(self):
-        figure = plot.draw([self.table(STATES, "_run")], show=["q1"])
-        self.assertIn("_run", texts(figure))
+    def test_names_in_a_legend_may_begin_with_an_underscore(self):
         impacts = "t,contact,kind,impulse\n1,1,impact,3\n2,1,impact,4\n"
         figure = plot.draw([self.table(impacts, name) for name in ("_a", "b")])
         words = [text.get_text().strip() for text in figure.axes[0].get_legend().get_texts()]
@@ -379,13 +355,7 @@ class NamesTest(Files):
 
     def test_names_are_text(self):
         names = ["".join(f"{c}run{c}" for c in "\x01\x07\t\n\r\x1b\x7f'\"")]
-        names += [
-            "$x$ $\\frac{1}{2}$ \\$",
-            "$$",
-            "_a __ ^{a}_b",
-            "日本語 🔔 \udcff\udcfe",
-            "%s %d %{x}",
-        ]
+        names += ["$x$ $\\frac{1}{2}$ \\$", "$$", "_a __ ^{a}_b %s %d %{x} 日本語 🔔 \udcff\udcfe"]
         names += [
             "Ω ∂g/∂t a\\b &amp; <script> ]]> --> -- \x9b[31m \u202e \x1b]0;title\x07 $(run)`run`"
         ]
@@ -453,10 +423,6 @@ class StudyTest(Files):
                 for left, right in zip(labels, labels[1:]):
                     self.assertLess(left.x1, right.x0)
 
-    def test_numbers_of_modes_have_whole_ticks(self):
-        figure = self.draw(self.study(["modes"], ["rate"], [(n, 1.0) for n in (1, 2, 3)]))
-        self.assertTrue((figure.axes[0].get_xticks() % 1 == 0).all())
-
     def test_points_of_the_stroboscope(self):
         rows = [(2.0 + k, n, -k, 0.1 * n, 7.0) for k in range(3) for n in range(1, 5)]
         columns = ["n", "lyapunov", "q1", "u1"]
@@ -523,10 +489,6 @@ class StudyTest(Files):
         )
         self.assertEqual(plot_study._edges(np.array([1.0, 2.0])).tolist(), [0.5, 1.5, 2.5])
 
-    def test_a_key_is_a_quantity_too(self):
-        figure = self.draw(self.study(["x"], ["V"], [(1, 2), (3, 4)]), show=["x"])
-        self.assertEqual(figure.axes[0].lines[0].get_ydata().tolist(), [1.0, 3.0])
-
     def test_sparse_data_is_drawn(self):
         rows = [(1, 1, 1, 4, -math.inf, 2), (1, 2, 2, 3, -math.inf, math.inf)]
         columns = ["attractor.period", "attractor.q1", "rate", "V"]
@@ -540,8 +502,7 @@ class StudyTest(Files):
         random = np.random.default_rng(4)
         rows = [(*random.uniform(size=2), i) for i in range(20)]
         figure = self.draw(self.study(["x", "y"], ["rate"], rows))
-        dots = figure.axes[0].collections[0]
-        self.assertEqual(len(dots.get_offsets()), 20)
+        self.assertEqual(len(figure.axes[0].collections[0].get_offsets()), 20)
 
     def test_program_draws_shards_and_reports_damage(self):
         file = self.study(["x"], ["rate"], [(1.0, 2.0), (2.0, 3.0)])
@@ -650,22 +611,11 @@ class ProgramTest(Files):
 
     @unittest.skipUnless(os.path.exists("/dev/full"), "no /dev/full here")
     def test_a_full_disk_is_a_failure(self):
-        for name in ("a.svg", "a.png", "a.pdf"):
-            os.symlink("/dev/full", self.path(name))
-            done = self.plot(self.states, "--output", name, code=1)
-            self.assertIn(f"{name}: No space left on device", done.stderr)
+        os.symlink("/dev/full", self.path("a.svg"))
+        done = self.plot(self.states, "--output", "a.svg", code=1)
+        self.assertIn("a.svg: No space left on device", done.stderr)
         nowhere = self.plot(self.states, "--output", "nowhere/a.svg", code=1)
         self.assertIn("nowhere/a.svg", nowhere.stderr)
-
-    def test_files_have_the_names_that_are_given(self):
-        for name in (
-            "|touch ran; cat > x.svg",
-            "-`touch ran`.svg",
-            "$HOME a'b\"\n!touch ran\n.svg",
-        ):
-            self.plot("s.csv", f"--output={name}")
-            self.assertTrue((self.folder / name).exists())
-        self.assertFalse((self.folder / "ran").exists())
 
     def test_settings_of_the_user_change_nothing(self):
         self.plot(self.states, "--output", "a.svg")
