@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import os
 import random
 import tempfile
 import unittest
@@ -41,7 +42,7 @@ def impact_times() -> np.ndarray:
 TIMES = impact_times()
 FEW = TIMES[:4]
 EDGES = sorted([(t, 1) for t in TIMES] + [(t + 0.001, 0) for t in TIMES])
-SAMPLES = np.arange(int(6.2 * 5000)) / 5000
+SAMPLES = np.arange(int(2.7 * 5000)) / 5000  # with the first four impacts
 VOLTS = np.full(len(SAMPLES), 0.02)
 for _t in TIMES:
     VOLTS[(SAMPLES >= _t) & (SAMPLES < _t + 0.001)] = 4.9
@@ -148,6 +149,9 @@ class TroubleTest(FileTest):
         self.check("restart", text, Refused("5: column time: time goes back"), **how)
         text, said = "t [s]\n2\n1\n3\n", "in line 3; sorted"
         self.check("--any-order", text, [1, 2, 3], any_order=True, said=said)
+        levels = "Time [s],D0\n2,1\n1,0\n3,1\n"
+        how = {"level": {1: "D0"}, "any_order": True}
+        self.check("levels in any order", levels, Refused("time goes back"), **how)
 
 
 class LogicAnalyserTest(FileTest):
@@ -162,7 +166,6 @@ class LogicAnalyserTest(FileTest):
         dates = rows("{},1\n{},0", "Time [s],Channel 0\n", map(iso, FEW), map(iso, FEW + 0.001))
         check("ISO", dates, FEW, 1.1e-9, offset="2024-05-03T11:34:56Z", **CHANNEL)
         check("ISO, no offset", dates, Refused("give --offset"), **CHANNEL)
-        check("kingst", edge_rows("{:.9f}, {}", "Time[s], Channel 0\n"), TIMES, **CHANNEL)
         commas = "; DSView\nTime(s),0,1\n" + "".join(
             f"{t:.7f}".replace(".", ",") + f",{on},0\n" for t, on in EDGES
         )
@@ -175,10 +178,6 @@ class LogicAnalyserTest(FileTest):
         level = {"level": {1: "logic"}, **PULSES}
         check("no times", sigrok, Refused("--sample-rate 5000"), **level)
         check("--sample-rate", sigrok, GRID, sample_rate=5000.0, **level)
-        double = rows("{:.0f},{},0", "microseconds,logic,logic\n", SAMPLES * 1e6, DIGITAL)
-        check("equal names", double, Refused("more than one column 'logic'"), unit="us", **level)
-        named = {"columns": ["time", "D0", "D1"], "level": {1: "D0"}, "unit": "us", **PULSES}
-        check("equal names, --columns", double, GRID, **named)
         text = rows("{:.0f},{}", "Time,D0\n", SAMPLES * 1e6, DIGITAL)
         check("no unit", text, Refused("no unit is stated"), level={1: "D0"}, **PULSES)
 
@@ -208,19 +207,11 @@ class LogicAnalyserTest(FileTest):
         check("no word", "Time,D0\n0,a\n1,b\n", Refused("'a' is none"), level={1: "D0"})
         text = edge_rows("{:.9f},{}", "Time [s],state\n-1,on\n", "off", "on")
         check("inverted", text, TIMES, level={1: "state"}, inverted=True, **PULSES)
-        home = "entity_id,state,last_changed\n" + "".join(
-            f"d,{'on' if on else 'off'},2024-05-03T12:34:{56 + int(t)}.{int(t % 1 * 1000):03d}Z\n"
-            for t, on in EDGES[:8]
-        )
-        how = {"level": {1: "state"}, "time": "last_changed", "offset": "2024-05-03T12:34:56Z"}
-        check("home assistant", home, np.floor(FEW * 1000) / 1000, **how, **PULSES)
         old = "".join(
             f"event: {'RISING' if on else 'FALLING'} EDGE offset: 16 timestamp: [ {t:.9f}]\n"
             for t, on in EDGES
         )
         check("gpiomon 1", old, Refused("are no table"), level={1: "level"})
-        influx = "".join(f"contact,pin=1 level={on} {int(t * 1e9)}\n" for t, on in EDGES)
-        check("influx", influx, Refused(""), level={1: "level"})
 
 
 class OscilloscopeTest(FileTest):
@@ -248,13 +239,6 @@ class OscilloscopeTest(FileTest):
         pico = rows("{:.4f},{:.3f}", "Time,Channel A\n(ms),(V)\n\n", t * 1e3, v)
         level = {"level": {1: "Channel A"}}
         check("picoscope", pico, GRID, 1e-7, **level, **SCOPE, said="Time in ms")
-        check("rising", pico, GRID, 1e-7, threshold=2.5, impacts_at="rising", **level)
-        owon = (
-            "Channel :,CH1\nFrequency :,F=?\nPeriod :,T=?\nPK-PK :,Vpp=4.9V\nAverage :,V=0.1V\n"
-            "Time(ms),CH1(mV)\n"
-        )
-        text = rows("{:.3f},{:.2f}", owon, t * 1e3, v * 1e3)
-        check("owon", text, GRID, 1e-5, level={1: "CH1(mV)"}, threshold=2500.0, **PULSES)
         rigol = rows(
             "{},{:.2f},", "X,CH1,Start,Increment,\nSequence,VOLT,-0.5,2e-4,\n", range(9), v
         )
@@ -275,24 +259,12 @@ class SpreadsheetTest(FileTest):
     def test_times(self):
         check = self.check
 
-        def unpadded(t: float) -> str:
-            return f"{int(t)}.{round(t % 1 * 1e9)}"
-
-        levels = "Time [s],D0\n" + "".join(f"{unpadded(t)},{on}\n" for t, on in EDGES)
-        how = {"level": {1: "D0"}, "any_order": True, **PULSES}
-        check("no zeros, levels", levels, Refused("time goes back"), **how)
-        for bits in (32, 30):
-            start = 2**bits - 3_000_000
-            counts = [(round(t * 1e6) + start) % 2**bits for t in TIMES]
-            text = rows("{}", "Impact [us]\n", counts)
-            how = {"offset": str(start), "said": "column Impact [us]"}
-            check(f"wraps at {bits}", text, Refused(f"--counter-bits {bits}"), **how)
-            check(f"{bits} bits", text, TIMES, 1e-6, offset=str(start), counter_bits=bits)
-        milliseconds = rows("{}", "Impact [ms]\n", [1714739696000 + round(t * 1e3) for t in TIMES])
-        check("epoch ms", milliseconds, np.round(TIMES, 3), offset="1714739696000")
-        begin = 1714739696000000000
-        stamps = [begin + round(t * 1e9) for t in TIMES]
-        check("epoch ns", rows("{}", "Impact [ns]\n", stamps), TIMES, 6e-10, offset=str(begin))
+        start = 2**30 - 3_000_000
+        counts = [(round(t * 1e6) + start) % 2**30 for t in TIMES]
+        text = rows("{}", "Impact [us]\n", counts)
+        how = {"offset": str(start), "said": "column Impact [us]"}
+        check("wraps", text, Refused("--counter-bits 30"), **how)
+        check("30 bits", text, TIMES, 1e-6, offset=str(start), counter_bits=30)
         days = rows("{:.14f}", "Impact\n", 45415.5 + TIMES / 86400)
         check("days", days, TIMES, 1e-5, unit="86400", offset="45415.5")
         ms = [int(t % 1 * 1000) for t in FEW]
@@ -316,9 +288,6 @@ class SpreadsheetTest(FileTest):
               said="column Impact: 12:34 is read as minutes:seconds")  # fmt: skip
         check("hours", "Impact\n12:34:56\n12:34:57\n", Refused("12:34:00"), offset="12:34")
         check("AM", "Time\n8:30:00 AM\n8:30:01 AM\n", [0, 1], offset="8:30:00")
-        check("laps", rows("{},{}", "lap,time\n", range(12), [
-            f"{int(t) // 60:02d}:{t % 60:06.3f}" for t in TIMES
-        ]), np.round(TIMES, 3), impacts={1: "time"})  # fmt: skip
         check("kinds", "t\n1.5\n2.5\n12:34:56\n", Refused("different kinds"))
 
     def test_tables(self):
@@ -339,7 +308,6 @@ class SpreadsheetTest(FileTest):
         latin += rows("{:.9f};1", "", TIMES).encode()
         check("latin-1", latin, TIMES, impacts={1: "Aufschläge [s]"}, said="Latin-1")
         check("UTF-16", rows("{:.9f}", "Impact [s]\n", TIMES).encode("utf-16"), TIMES)
-        check("intervals", "Interval 1,Interval 2\n0.81,0.73\n", Refused("name the columns with"))
         micro = [round(t * 1e6) for t in TIMES]
         thousands = rows("{:,}", "Impact [us]\n", micro)
         check("thousands", thousands, Refused("thousands commas"))
@@ -353,14 +321,8 @@ class SpreadsheetTest(FileTest):
         )
         pair = {"columns": ["start", "end", "label"], "on": {1: "start"}, "off": {1: "end"}}
         check("audacity", spectral, TIMES, 1e-6, **pair, **PULSES)
-        blanks = rows("{:.6f} {:.6f} a hit", "", TIMES, TIMES + 0.001)
-        check("blanks", blanks, TIMES, 1e-6, **pair, **PULSES)
         savetxt = rows("{:.9e} {:.9e}", "# time(s), acceleration(g)\n", SAMPLES, VOLTS)
         check("savetxt", savetxt, GRID, columns=["t", "a"], time="t", level={1: "a"}, **SCOPE)
-        tab = rows("{}\t{}", "Zeit [s]\ta [g]\n", *(
-            [f"{x:.6f}".replace(".", ",") for x in column] for column in (SAMPLES, VOLTS)
-        ))  # fmt: skip
-        check("tab and commas", tab, GRID, 1e-6, level={1: "a [g]"}, **SCOPE, said="decimal commas")
 
 
 class BinaryTest(FileTest):
@@ -414,7 +376,6 @@ class BinaryTest(FileTest):
         self.check("silence", silent, Refused("is silent"))
 
     def test_numpy_and_vcd(self):
-        self.check("npy", self.made(lambda f: np.save(f, TIMES)), TIMES, 0)
         two = self.made(lambda f: np.save(f, np.array([TIMES, TIMES]).T))
         self.check("named", two, TIMES, 0, columns=["a", "t [s]"], impacts={1: "t [s]"},
                    said="times in s, as column 't [s]' says")  # fmt: skip
@@ -454,7 +415,7 @@ class DamageTest(unittest.TestCase):
         outcomes = {"read": 0, "refused": 0}
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "damaged.csv"
-            for _ in range(1200):
+            for _ in range(1200 if "SPRAG_THOROUGH" in os.environ else 300):
                 text, how = generator.choice(files)
                 data = bytearray(text.encode())
                 for _ in range(generator.randint(1, 3)):
@@ -479,7 +440,7 @@ class DamageTest(unittest.TestCase):
                 self.assertTrue(np.isfinite(t).all() and (np.diff(t) >= 0).all(), bytes(data))
                 self.assertTrue((t >= 0).all(), bytes(data))
                 outcomes["read"] += 1
-        self.assertGreater(min(outcomes.values()), 100, outcomes)
+        self.assertGreater(min(outcomes.values()), 25, outcomes)
 
 
 class MomentTest(unittest.TestCase):
@@ -533,7 +494,7 @@ class HintTest(unittest.TestCase):
         return made
 
     def test_batches(self):
-        for seed in range(1, 41):
+        for seed in range(1, 11):
             impact = seed % 2 == 0
             closings = self.closings(np.random.default_rng(seed), 1 if impact else 2, impact)
             self.assertIsNone(find_batches(closings), seed)
@@ -702,14 +663,7 @@ class PlainTest(FileTest):
             with self.assertRaisesRegex(ValueError, wanted):
                 self.read(table, 3, dict(columns))
         with self.assertRaisesRegex(ValueError, "are for --level"):
-            import_events_of("t\n1\n2\n", threshold=0.5)
-
-
-def import_events_of(text: str, **how: Any) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "file.csv"
-        file.write_text(text)
-        return import_events(file, 1, **how)
+            self.read("t\n1\n2\n", 1, {"threshold": 0.5})
 
 
 if __name__ == "__main__":
