@@ -70,6 +70,10 @@ class TextsTest(FolderTest):
                 shown = printed("DIAGNOSE", self.recorded(events), file, "--jitter", "1e-5")
                 self.assertEqual(str(diagnosis), shown)
                 self.assertIn(diagnosis.verdict, shown)
+        self.assertFalse(diagnosis.fits)
+        self.assertEqual(diagnosis.explanation.key, diagnosis.candidates[0].key)
+        self.assertEqual(diagnosis.explanation.key, "impact.restitution")
+        self.assertAlmostEqual(diagnosis.explanation.value, 0.6, delta=1e-3)
 
     def test_reduction(self):
         beam = scene("stiff_beam")
@@ -82,6 +86,10 @@ class TextsTest(FolderTest):
         self.assertLess(reductions.begin, reductions.end)
         with self.assertRaises(IndexError):
             reductions[len(reductions)]
+        self.assertEqual((reductions[0].modes, len(reductions[0].scene.master.q)), (3, 3))
+        for modes in (0, 21):
+            with self.assertRaises(ValueError):
+                sprag.reduce(beam, events, modes)
 
     def test_assessment(self):
         for name in ("paper_beam", "bouncing_ball", "lab_rig"):
