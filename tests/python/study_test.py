@@ -12,7 +12,8 @@ import sys
 import time
 import unittest
 import unittest.mock
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+import warnings
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -110,13 +111,9 @@ class ExecutorsTest(StudyTest):
         self.assertEqual(expected.count("\n"), 61)
         self.run_study(file, "three", "--jobs", "3", "--chunk", "1")
         self.assertEqual(self.rows("three"), expected)
-        for name, executor in (
-            ("processes", ProcessPoolExecutor(2)),
-            ("pool", ThreadPoolExecutor(2)),
-        ):
-            with self.subTest(name), executor:
-                sprag.run_study(file, executor, jobs=2, output=self.folder / name)
-                self.assertEqual(self.rows(name), expected)
+        with ProcessPoolExecutor(2) as executor:
+            sprag.run_study(file, executor, jobs=2, output=self.folder / "processes")
+        self.assertEqual(self.rows("processes"), expected)
 
     def test_rows_in_memory_are_those_of_the_file(self):
         found = sprag.run_study(self.study(5))
@@ -126,12 +123,16 @@ class ExecutorsTest(StudyTest):
         for name in found.names:
             self.assertEqual(found[name].dtype, expected[name].dtype)
             np.testing.assert_array_equal(found[name], expected[name])
+        if has("pandas"):
+            table = found.table()
+            self.assertEqual(list(table.columns), found.names)
+            np.testing.assert_array_equal(table["both.V_floor"], found["both.V_floor"])
 
     @unittest.skipUnless(MPIRUN and has("mpi4py"), "python3-mpi4py or openmpi-bin is missing")
     def test_ranks_of_mpi(self):
         file = self.study(5)
         expected = self.reference(5)
-        for ranks in (1, 4):
+        for ranks in (1, 3):
             folder = f"ranks_{ranks}"
             report = self.folder / "report.json"
             mpirun = [MPIRUN, "--oversubscribe", "--bind-to", "none", "-n", str(ranks)]
@@ -143,42 +144,19 @@ class ExecutorsTest(StudyTest):
 
     @unittest.skipUnless(has("distributed"), "python3-distributed is missing")
     def test_workers_of_dask(self):
-        file = self.study(40)
-        expected = self.reference(40)
-        scheduler_file = self.folder / "scheduler.json"
-        worker = "from distributed.cli.dask_worker import main; main()"
-        scheduler = "from distributed.cli.dask_scheduler import main; main()"
-        with contextlib.ExitStack() as stack:
+        from distributed import LocalCluster
 
-            def start(code, *options):
-                process = subprocess.Popen(
-                    [sys.executable, "-c", code, *map(str, options)],
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    cwd=self.folder,
-                )
-                stack.callback(process.wait)
-                stack.callback(process.kill)
-                return process
-
-            local = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
-            start(scheduler, *local, "--scheduler-file", scheduler_file)
-            while not scheduler_file.exists() or not scheduler_file.read_text().endswith("}"):
-                time.sleep(0.05)
-            options = ("--nthreads", "1", "--no-nanny", "--no-dashboard")
-            workers = [
-                start(worker, "--scheduler-file", scheduler_file, *options) for _ in range(2)
-            ]
-            address = json.loads(scheduler_file.read_text())["address"]
-            command = self.command(file, "dask", "--dask", address, "--chunk", "3")
-            process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=self.folder)
-            while self.rows_so_far("dask") < 30:
-                self.assertIsNone(process.poll(), "it ended before")
-                time.sleep(0.01)
-            workers[0].kill()  # the other one takes over its runs
-            _, error = process.communicate(timeout=120)
-            self.assertEqual(process.returncode, 0, error)
-        self.assertEqual(self.rows("dask"), expected)
+        file = self.study(5)
+        local = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
+        workers = {"n_workers": 2, "threads_per_worker": 1, "processes": False}
+        with warnings.catch_warnings(), contextlib.ExitStack() as stack:
+            warnings.simplefilter("ignore")  # those of Dask
+            cluster = stack.enter_context(LocalCluster(**local, **workers))
+            report = self.folder / "report.json"
+            address = cluster.scheduler_address
+            self.run_study(file, "dask", "--dask", address, "--chunk", "3", "--report", report)
+        self.assertEqual(self.rows("dask"), self.reference(5))
+        self.assertEqual(json.loads(report.read_text())["workers"], 2)
 
     def test_options_of_workers_exclude_each_other(self):
         file = self.study(1)
@@ -204,7 +182,7 @@ class ProgressTest(unittest.TestCase):
 
 class InterruptionsTest(StudyTest):
     def test_a_killed_study_continues(self):
-        file = self.study(40)
+        file = self.study(20)
         kept = 0
         for sent in (signal.SIGTERM, signal.SIGKILL):
             self.break_off(
@@ -215,23 +193,23 @@ class InterruptionsTest(StudyTest):
             )
             kept = self.rows_so_far("killed")
         with open(self.folder / "killed/rows.part.csv", "a") as rows:
-            rows.write("479,11,39,0.0")  # a torn row
+            rows.write("239,11,19,0.0")  # a torn row
         report = self.folder / "report.json"
         self.run_study(file, "killed", "--report", report)
         found = json.loads(report.read_text())
         self.assertEqual(found["before"], kept - 1)
-        self.assertEqual(found["done"], 480 - (kept - 1))
-        self.assertEqual(self.rows("killed"), self.reference(40))
+        self.assertEqual(found["done"], 240 - (kept - 1))
+        self.assertEqual(self.rows("killed"), self.reference(20))
 
     def test_a_killed_worker_loses_its_own_runs_only(self):
-        file = self.study(40)
+        file = self.study(5)
         with ProcessPoolExecutor(2) as executor:
             executor.submit(os.getpid).result()
             os.kill(next(iter(executor._processes)), signal.SIGKILL)
             with self.assertRaisesRegex(sprag.Error, "a worker ended"):
                 sprag.run_study(file, executor, jobs=2, output=self.folder / "killed")
         sprag.run_study(file, output=self.folder / "killed")
-        self.assertEqual(self.rows("killed"), self.reference(40))
+        self.assertEqual(self.rows("killed"), self.reference(5))
 
     def test_workers_end_with_their_parent(self):
         file = self.study(4000)
@@ -256,37 +234,23 @@ sprag.run_study({str(file)!r}, executor, jobs=2, output="killed")
                     break
                 time.sleep(0.05)
 
-    @unittest.skipUnless(MPIRUN and has("mpi4py"), "python3-mpi4py or openmpi-bin is missing")
-    def test_a_study_with_a_killed_rank_continues(self):
-        file = self.study(40)
-        mpirun = [MPIRUN, "--oversubscribe", "--bind-to", "none", "-n", "3"]
-
-        def kill(process):
-            listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
-            os.kill(int(listed.split()[1]), signal.SIGKILL)
-
-        command = [*mpirun, *self.command(file, "killed", "--mpi", "--chunk", "3")]
-        self.break_off(command, "killed", 30, kill)
-        self.run_program([*mpirun, *self.command(file, "killed", "--mpi")])
-        self.assertEqual(self.rows("killed"), self.reference(40))
-
     def test_a_full_disk_keeps_written_rows(self):
-        file = self.study(20)
+        file = self.study(5)
         (self.folder / "full").mkdir()
         done = subprocess.run(
             self.command(file, "full", "--chunk", "7"),
             capture_output=True,
             text=True,
             # A limit of the size of a file simulates the full disk.
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20480, 20480)),
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000)),
         )
         self.assertEqual(done.returncode, 1, done.stderr)
         self.assertIn("rows.part.csv: File too large", done.stderr)
         self.assertIn("the same command goes on", done.stderr)
         kept = (self.folder / "full/rows.part.csv").read_text()
-        self.assertGreater(len(kept), 15000)
+        self.assertGreater(len(kept), 3000)
         self.run_study(file, "full")
-        self.assertEqual(self.rows("full"), self.reference(20))
+        self.assertEqual(self.rows("full"), self.reference(5))
 
     def test_shards_combine_to_the_study(self):
         file = self.study(5)
@@ -454,7 +418,6 @@ class RefusalsTest(StudyTest):
             (file, ["--jobs", of], whole) for of in ("1025", "0", "-1", "99999999999999999999")
         ]
         cases += [("none.toml", [], "none.toml"), (copy, [], "negative.toml:4:11: samples")]
-        cases += [("/dev/zero", [], "/dev/zero: is larger than 128 MiB")]
         for given, options, expected in cases:
             with self.subTest(expected):
                 refused = self.run_study(given, "folder", *options, code=2)
@@ -471,13 +434,6 @@ class RefusalsTest(StudyTest):
 
 
 class ResultsTest(StudyTest):
-    @unittest.skipUnless(has("pandas"), "python3-pandas is missing")
-    def test_a_table(self):
-        study = sprag.run_study(self.study(2))
-        table = study.table()
-        self.assertEqual(list(table.columns), study.names)
-        np.testing.assert_array_equal(table["both.V_floor"], study["both.V_floor"])
-
     @unittest.skipUnless(has("xarray"), "python3-xarray is missing")
     def test_a_dataset_has_a_dimension_for_each_axis(self):
         file = self.study(2)
