@@ -14,14 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.textpath import TextPath
 from sprag import report
 from sprag.report import page
 from sprag.report.analysis import FEWEST_RESIDUALS, check_predictions, consistency
 from sprag.report.analysis import innovations, normalized
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
-from sprag.report.pictures import MotionPictures, correlation_picture
+from sprag.report.pictures import MotionPictures
 from sprag.report.run import certainty_blocks, impacts_blocks, measurement_blocks
 from sprag.tables import read_table
 from support import SOURCE, FolderTest, ended
@@ -74,8 +73,8 @@ class NumbersTest(unittest.TestCase):
         self.assertEqual(quantity(1.6e-4, "rad"), "0.16 mrad", "as in pictures")
 
     def test_consistency_refutes_a_wrong_sigma(self):
-        draw, runs = np.random.default_rng(29), 2000
-        for n in (FEWEST_RESIDUALS, 60, 400):
+        draw, runs = np.random.default_rng(29), 2000 if "SPRAG_THOROUGH" in os.environ else 1000
+        for n in (FEWEST_RESIDUALS, 400):
             values = draw.standard_normal((runs, n))
             right = sum(consistency(residuals(row)).holds for row in values)
             wrong = sum(consistency(residuals(2.0 * row)).holds for row in values)
@@ -90,13 +89,6 @@ class AnalysisTest(FolderCase):
         states = self.table("k,t,q1,u1\n0,0,0,0\n1,9,0,0\n")
         _, grid = measurement_blocks(inputs_of(states, events))
         self.assertEqual(grid.rows, [["1", "0", "2", "6", "1", "4"]])
-
-    def test_labels_of_correlations_are_within_the_picture(self):
-        label = "beam.bending_stiffness"
-        svg = correlation_picture([label, *"abcdef"], np.eye(7)).svg
-        (x,) = re.findall(rf'x="([\d.]+)"[^>]*>{label}', svg)
-        width = TextPath((0, 0), label + "  1", size=8).get_extents().width
-        self.assertGreater(float(x), width)
 
     def test_inserted_and_spurious_events_are_not_measured(self):
         table = self.table(
@@ -260,8 +252,6 @@ class RunTest(FolderCase):
         self.assertIn("sprag observer scene.toml --duration 30 --tick 0.01 --replay ", html)
         self.assertIn("innovations are within 2 sigma", html)
         self.assertIn("Sigma passes this test.", html)
-        # The same files give the same page; the function returns it, too.
-        self.assertEqual(page(self.files), html)
 
     @needs_core
     def test_a_wrong_sigma_is_reported(self):
@@ -276,6 +266,7 @@ class RunTest(FolderCase):
         html = page([LAB_RIG, *self.files[1:3]])
         self.assertIn("Whether sigma is right is not tested.", html)
         self.assertNotIn("this test", html)
+        self.assertEqual(page([LAB_RIG, *self.files[1:3]]), html, "equal files, equal pages")
 
     @needs_core
     def test_identification_has_parameters_and_residuals(self):
@@ -304,7 +295,7 @@ class RunTest(FolderCase):
 
     def test_without_the_compiled_part_the_rest_is_shown(self):
         with unittest.mock.patch.dict("sys.modules", {"sprag._core": None}):
-            said = self.report(*self.files)
+            said = self.report(*self.files[:3], self.files[-1])
         self.assertIn("the compiled part of the Python package is not installed", said)
         html = self.page()
         self.check_self_contained(html)
@@ -446,12 +437,6 @@ class ProgramTest(FolderCase):
         self.assertIn(f"{states}:4: 3 fields", self.report(LAB_RIG, states, code=1))
         self.assertIn(f"{states}:4: 3 fields", self.page())
         self.assertIn("states of an estimate, 2 rows", self.page())
-
-    def test_an_output_that_cannot_be_written_leaves_nothing(self):
-        states = self.file("s.csv", STATES)
-        said = self.report(LAB_RIG, states, "--output", "none/r.html", code=1)
-        self.assertIn("cannot be written", said)
-        self.assertEqual([file.name for file in self.folder.iterdir()], ["s.csv"])
 
     def test_pdf_needs_a_program_that_works(self):
         arguments = [LAB_RIG, self.file("s.csv", STATES), "--output", "r.pdf"]
