@@ -25,20 +25,16 @@ class ErrorsTest(unittest.TestCase):
         copied = pickle.loads(pickle.dumps(error))
         self.assertEqual((str(copied), copied.line), (str(error), 2))
 
-    def test_missing_file_has_no_line(self):
-        with self.assertRaises(sprag.SceneError) as raised:
-            sprag.read_scene("/nowhere/x.toml")
-        error = raised.exception
-        self.assertEqual((error.file, error.line, error.column), ("/nowhere/x.toml", None, None))
-        self.assertEqual(error.message, "cannot be read: No such file or directory")
-
-    def test_unknown_scene_name(self):
-        with self.assertRaises(sprag.SceneError) as raised:
-            sprag.read_scene("paper_baem")
-        error = raised.exception
-        self.assertEqual(error.file, "paper_baem")
-        self.assertIn("no such file", error.message)
-        self.assertIn("did you mean paper_beam?", error.message)
+    def test_a_scene_that_is_not_there_has_no_line(self):
+        for name, message in (
+            ("/nowhere/x.toml", "cannot be read: No such file or directory"),
+            ("paper_baem", "did you mean paper_beam?"),
+        ):
+            with self.assertRaises(sprag.SceneError) as raised:
+                sprag.read_scene(name)
+            error = raised.exception
+            self.assertEqual((error.file, error.line, error.column), (name, None, None))
+            self.assertIn(message, error.message)
 
     def test_simulation_error(self):
         # Three supports under a rigid plate, whose forces are not unique.
@@ -79,16 +75,13 @@ class ErrorsTest(unittest.TestCase):
             "tick of observe": lambda: sprag.observe(beam, events, 1.0, tick=0.0),
             "estimator": lambda: sprag.observe(beam, events, 1.0, estimator="none"),
             "contact": lambda: sprag.observe(beam, [(1.0, 2, 3)], 1.0),
-            "contact from 0": lambda: sprag.observe(beam, [(1.0, 0, 3)], 1.0),
             "kind": lambda: sprag.observe(beam, [(1.0, 1, 4)], 1.0),
             "time": lambda: sprag.observe(beam, [(float("nan"), 1, 3)], 1.0),
             "times alone": lambda: sprag.observe(beam, [1.0, 1.5], 2.0),
-            "an array of times": lambda: sprag.observe(beam, np.array([1.0, 1.5]), 2.0),
             "other fields": lambda: sprag.observe(
                 beam, np.zeros(1, dtype=[("t", "f8"), ("on", "i4"), ("off", "i1")]), 2.0
             ),
             "two dimensions": lambda: sprag.observe(beam, events[None, :], 2.0),
-            "too many columns": lambda: sprag.energies(beam, state, state, np.zeros((2, 4)), state),
             "too few columns": lambda: sprag.energies(beam, state[:, :2], state, state, state),
             "rows": lambda: sprag.energies(beam, state, state, state[:1], state),
             "dimensions": lambda: sprag.energies(beam, state[None], state, state, state),
@@ -108,27 +101,6 @@ class ErrorsTest(unittest.TestCase):
         with self.assertRaises(MemoryError):
             sprag.simulate(scene(), 1e9, tick=1e-9)
 
-    def test_ctrl_c_ends_a_simulation(self):
-        def interrupt():
-            time.sleep(0.3)
-            os.kill(os.getpid(), signal.SIGINT)
-
-        # The call would take hours.
-        for call in (
-            lambda: sprag.simulate(scene(), 1e10, tick=0.0),
-            lambda: sprag.observe(scene("stiff_beam"), [], 1e5, tick=1e-2),
-        ):
-            handler = signal.getsignal(signal.SIGINT)
-            thread = threading.Thread(target=interrupt)
-            thread.start()
-            with self.assertRaises(KeyboardInterrupt):
-                call()
-                time.sleep(5.0)  # if the call has ended first
-            thread.join()
-            self.assertIs(signal.getsignal(signal.SIGINT), handler)
-        # The next call is not interrupted.
-        self.assertEqual(len(sprag.simulate(scene(), 1.0).t), 101)
-
     def interrupted(self, call, after):
         timer = threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
@@ -136,6 +108,18 @@ class ErrorsTest(unittest.TestCase):
             call()
             time.sleep(60.0)  # if the call has ended first
         timer.join()
+
+    def test_ctrl_c_ends_a_simulation(self):
+        # The call would take hours.
+        for call in (
+            lambda: sprag.simulate(scene(), 1e10, tick=0.0),
+            lambda: sprag.observe(scene("stiff_beam"), [], 1e5, tick=1e-2),
+        ):
+            handler = signal.getsignal(signal.SIGINT)
+            self.interrupted(call, 0.3)
+            self.assertIs(signal.getsignal(signal.SIGINT), handler)
+        # The next call is not interrupted.
+        self.assertEqual(len(sprag.simulate(scene(), 1.0).t), 101)
 
     def test_ctrl_c_ends_calls_of_an_observer(self):
         observer = sprag.Observer(scene("stiff_beam"), tick=1e-2)
@@ -146,10 +130,10 @@ class ErrorsTest(unittest.TestCase):
 
     def test_ctrl_c_loses_no_tick(self):
         observer = sprag.Observer(scene("stiff_beam"), tick=1e-2)
-        observer.set_horizon(1e3)
+        observer.set_horizon(500.0)
         self.interrupted(observer.settle, 0.05)
         ticks = [estimate.tick for estimate in observer.settle()]
-        self.assertEqual(ticks, list(range(100_001)))
+        self.assertEqual(ticks, list(range(50_001)))
 
 
 if __name__ == "__main__":

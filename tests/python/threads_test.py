@@ -47,10 +47,10 @@ class ThreadsTest(unittest.TestCase):
         observer = sprag.Observer(beam, tick=1e-3)
         observer.set_horizon(30.0)
         ahead = sprag.Observer(beam, tick=1e-4)
-        estimate = np.repeat(run.q, 5, axis=0)
+        estimate = np.repeat(run.q, 2, axis=0)
         calls = {
-            "simulate": lambda: sprag.simulate(beam, 1000.0, tick=1e-3),
-            "observe": lambda: sprag.observe(beam, run.events, 100.0, tick=1e-3),
+            "simulate": lambda: sprag.simulate(beam, 500.0, tick=1e-3),
+            "observe": lambda: sprag.observe(beam, run.events, 60.0, tick=1e-3),
             "settle": observer.settle,
             "at": lambda: ahead.at(500.0),
             "energies": lambda: sprag.energies(beam, estimate, estimate, estimate, estimate),

@@ -3,8 +3,6 @@
 import copy
 import pickle
 import unittest
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 
@@ -16,10 +14,6 @@ from support import SOURCE, scene
 
 # Open connections and running observers.
 NO_VALUES = {"Observer", "EventPublisher", "EstimateListener"}
-
-
-def run_of(of: sprag.Scene) -> sprag.Simulation:
-    return sprag.simulate(of, 5.0)
 
 
 def shipped() -> list[sprag.Scene]:
@@ -173,12 +167,6 @@ class ValuesTest(unittest.TestCase):
         hostile = sprag.Output("<script>", [1.0])
         self.assertIn("&lt;script&gt;", hostile._repr_html_())
         self.assertNotIn("<script>", hostile._repr_html_())
-
-    def test_processes_take_scenes(self):
-        scenes = [scene(), scene("lab_rig")]
-        with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-            runs = list(pool.map(run_of, scenes))
-        self.assertEqual(runs, [run_of(of) for of in scenes])
 
     def test_text_of_a_scene_is_the_scene(self):
         self.assertEqual(len(shipped()), len(list((SOURCE / "scenes").glob("*.toml"))))
