@@ -129,29 +129,15 @@ class ViewProgramTest(FolderTest):
         host = f"Host: {self.host}\r\n"
         for request, status in (
             (f"HEAD / HTTP/1.1\r\n{host}\r\n", 200),
-            (f"POST / HTTP/1.1\r\n{host}Content-Length: 3\r\n\r\nabc", 405),
-            ("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n", 403),
-            ("GET / HTTP/1.1\r\n\r\n", 403),
             (f"GET / HTTP/1.1\r\n{host}{host}\r\n", 400),
+            ("nonsense\r\n\r\n", 400),
         ):
             self.assertEqual(self.ask(request.encode())[0], status, request)
-        self.assertEqual(self.ask(self.get("/secret"))[0], 404)
-        self.assertEqual(self.ask(self.get("/stream"))[0], 426)
+        # More of these rules is in view_test.
         self.assertEqual(self.ask(self.upgrade("http://evil.example"))[0], 403)
-        self.assertEqual(self.ask(b"nonsense\r\n\r\n")[0], 400)
-        self.assertEqual(self.ask(self.get("/", f"X: {20000 * 'x'}\r\n"))[0], 400)
         report = self.stop()
         self.assertEqual(report["clients"], 0)
-        self.assertEqual(report["requests_refused"], 6)
-
-    def test_two_requests_share_one_connection(self):
-        self.serve()
-        connection = self.connection()
-        for _ in range(2):
-            connection.sendall(self.get("/icon.svg"))
-            self.assertTrue(connection.until(b"\r\n\r\n").startswith(b"HTTP/1.1 200"))
-            self.assertTrue(connection.until(b"</svg>\n").endswith(b"</svg>\n"))
-        self.stop(signal.SIGINT)
+        self.assertEqual(report["requests_refused"], 1)
 
     def test_a_replay_shows_the_estimates_of_the_observer(self):
         events, states = self.folder / "events.csv", self.folder / "states.csv"
@@ -184,37 +170,13 @@ class ViewProgramTest(FolderTest):
         self.assertTrue(report["observed_here"])
         self.assertLessEqual(report["frames"]["sent"], received + 3 + 3, "only acknowledged ones")
 
-    def test_clients_that_never_read_do_not_block_others(self):
+    def test_clients_that_never_read_or_send_rubbish_do_not_block_others(self):
         self.serve()
         # Some do not even send a request.
         for i in range(32):
             dead = self.connection()
             if i % 4 != 0:
                 dead.sendall(self.upgrade(f"http://{self.host}"))
-        alive = self.connection()
-        alive.sendall(self.upgrade(f"http://{self.host}"))
-        self.assertTrue(alive.until(b"\r\n\r\n").startswith(b"HTTP/1.1 101"))
-        # It stays connected while more of the others arrive.
-        for n in range(1, 101):
-            self.assertTrue(alive.text(), f"closed at frame {n}")
-            alive.say(f'{{"seen": {n}}}')
-            if n % 20 == 0:
-                self.connection()
-        self.assertEqual(self.ask(self.get("/"))[0], 200)
-        self.assertGreaterEqual(self.stop()["displaced"], 2)
-
-    def test_invalid_requests_have_no_effect(self):
-        self.serve()
-        for rubbish in (
-            b"\0" * 5000,
-            b"GET\r\n\r\n",
-            b"GET / HTTP/1.1\r\nHost: " + b"x" * 100000,
-            b"GET /" + b"a" * 100000 + b" HTTP/1.1\r\n\r\n",
-            b"",
-            b"\x16\x03\x01\x02\x00",
-        ):
-            with contextlib.suppress(OSError):  # refused before the request was complete
-                self.connection().sendall(rubbish)
         # A message that is too long, and one without a mask and with an invalid length.
         for rubbish in (
             struct.pack(">BBQxxxx", 0x81, 0xFF, 10_000_000) + 10_000_000 * b"x",
@@ -226,8 +188,17 @@ class ViewProgramTest(FolderTest):
                 stream.sendall(rubbish)
                 while stream.recv(65536):
                     pass
+        alive = self.connection()
+        alive.sendall(self.upgrade(f"http://{self.host}"))
+        self.assertTrue(alive.until(b"\r\n\r\n").startswith(b"HTTP/1.1 101"))
+        # It stays connected while more of the others arrive.
+        for n in range(1, 101):
+            self.assertTrue(alive.text(), f"closed at frame {n}")
+            alive.say(f'{{"seen": {n}}}')
+            if n % 20 == 0:
+                self.connection()
         self.assertEqual(self.ask(self.get("/"))[0], 200)
-        self.stop()
+        self.assertGreaterEqual(self.stop()["displaced"], 2)
 
     def test_clients_that_acknowledge_and_do_not_read_cost_no_memory(self):
         events = self.folder / "events.csv"
@@ -245,11 +216,11 @@ class ViewProgramTest(FolderTest):
             return int(re.search(r"VmRSS:\s+(\d+)", status)[1])
 
         before = None
-        for n in range(1, 151):
+        for n in range(1, 81):
             self.assertTrue(reader.text(), f"closed at frame {n}")
             for stream in (reader, *slow):
                 stream.say(f'{{"seen": {10**9}, "view": {{"window": 20, "pixels": 4000}}}}')
-            if n == 50:
+            if n == 30:
                 before = resident()
         self.assertLess(resident() - before, 50_000)
         self.stop()
