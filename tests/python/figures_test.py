@@ -1,4 +1,4 @@
-"""Functions that draw and tabulate results: sprag.plot, plot_study, report and tables."""
+"""Functions that draw results: sprag.plot and plot_study."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import sprag
-from support import SOURCE, scene, write_events
+from support import scene
 
 STUDY = """scene = "lab_rig"
 duration = 5.0
@@ -71,12 +71,6 @@ class PlotTest(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "V has shape"):
             sprag.plot.states(self.estimate, V=V.V[1:])
 
-    def test_a_smoothed_run(self):
-        rig = scene("lab_rig").replace(jitter=1e-5)
-        events = sprag.simulate(rig, 3.0).events
-        smoothed = sprag.smooth(rig, events, 3.0)
-        self.assertGreater(len(sprag.plot.states(smoothed, rig, events=events).axes), 1)
-
 
 class OthersTest(unittest.TestCase):
     def test_a_study_is_drawn(self):
@@ -88,15 +82,6 @@ class OthersTest(unittest.TestCase):
         self.assertIn("contact.1.restitution", figure.axes[0].get_xlabel())
         with self.assertRaises(sprag.Error):
             sprag.plot_study.draw(study, show=["nothing"])
-
-    def test_a_report_is_text(self):
-        rig = scene("lab_rig")
-        with tempfile.TemporaryDirectory() as folder:
-            events = Path(folder) / "events.csv"
-            write_events(events, sprag.simulate(rig, 3.0).events)
-            page = sprag.report.page([SOURCE / "scenes/lab_rig.toml", events], title="<my rig>")
-        self.assertIn("&lt;my rig&gt;", page)
-        self.assertTrue(page.startswith("<!DOCTYPE html>"), page[:40])
 
 
 if __name__ == "__main__":

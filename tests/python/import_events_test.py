@@ -148,11 +148,6 @@ class ProgramTest(FolderTest):
                 self.assertIn(said, self.run_import(*arguments, code=2).stderr)
         self.assertEqual(Path(rig).read_text(), "impact,on,off\n1,2,3\n")
 
-    def test_an_output_that_cannot_be_written_fails(self) -> None:
-        rig = self.file("rig.csv", "t\n1\n")
-        done = self.run_import(rig, BEAM, "--output", "/nowhere/events.csv", code=1)
-        self.assertIn("/nowhere/events.csv: cannot be written: No such file", done.stderr)
-
     def test_a_signal_becomes_a_record(self) -> None:
         text = "Zeit [ms];a [g]\n0,0;1,0\n2,0;2,5\n4,0;1,0\n6,0;0,0\n"
         output = self.path("base.csv")

@@ -248,14 +248,6 @@ class RunsTest(Files):
         low, high = self.figure(wide).axes[0].get_ylim()
         self.assertTrue(2.0 < low and high < 5.0, "bars may leave the range")
 
-    def test_a_constant_curve_is_centred(self):
-        table = self.table("k,t,q1,u1,still,zero\n0,0,1,0,-0.7,0\n1,3,2,0,-0.7,0\n")
-        figure = self.figure(table, show=["still", "zero"])
-        for axes, middle in zip(figure.axes, (-0.7, 0.0)):
-            low, high = axes.get_ylim()
-            self.assertAlmostEqual((low + high) / 2, middle)
-            self.assertGreater(high, low)
-
     def test_zooms_where_a_motion_would_be_a_block(self):
         def oscillation(periods):
             t = np.linspace(0.0, 100.0, 20 * periods)
@@ -327,16 +319,6 @@ class NamesTest(Files):
             own = float(text.get_text().split()[1])
             distance = {y: abs(height.mean() - y) for y in (1.0, 2.0, 3.0)}
             self.assertEqual(min(distance, key=distance.get), own)
-
-    def test_a_name_covers_no_mark(self):
-        with _drawing.style():
-            axes = _drawing.new_figure(4.0, 2.0).add_subplot()
-            axes.plot(range(99), [0] * 99, marker="o", ms=6, label="name")
-            axes.figure.canvas.draw()
-            _drawing.name_lines(axes)
-        box = axes.texts[0].get_window_extent()
-        for point in axes.transData.transform(axes.lines[0].get_xydata()):
-            self.assertFalse(box.padded(9).contains(*point))
 
     def test_names_in_a_legend_may_begin_with_an_underscore(self):
         impacts = "t,contact,kind,impulse\n1,1,impact,3\n2,1,impact,4\n"

@@ -153,13 +153,11 @@ class AnalysisTest(FolderCase):
         self.assertEqual(len(shown), 3)
 
     def test_a_motion_that_is_a_block_on_a_phone_is_shown_in_part(self):
-        for periods, part in ((20, None), (40, "Only t = 0 to 50 s is shown")):
-            t = np.linspace(0.0, 100.0, 20 * periods)
-            rows = enumerate(zip(t, np.sin(2 * np.pi * periods * t / 100.0)))
-            table = self.table("k,t,q1\n" + "".join(f"{k},{x},{y}\n" for k, (x, y) in rows))
-            (picture,) = MotionPictures(inputs_of(table), WHOLE).of_motion()
-            self.assertIn(part or "Coordinates and outputs.", picture.caption)
-            self.assertEqual("Only" in picture.caption, part is not None)
+        t = np.linspace(0.0, 100.0, 800)
+        rows = enumerate(zip(t, np.sin(0.8 * np.pi * t)))
+        table = self.table("k,t,q1\n" + "".join(f"{k},{x},{y}\n" for k, (x, y) in rows))
+        (picture,) = MotionPictures(inputs_of(table), WHOLE).of_motion()
+        self.assertIn("Only t = 0 to 50 s is shown", picture.caption)
 
     def test_an_infinite_bound_has_no_row(self):
         none = self.table("k,t,q1,u1,B\n0,0,1,2,inf\n1,1,1,2,inf\n")

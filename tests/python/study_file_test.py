@@ -289,19 +289,6 @@ system.K.1.2 = [-610.0]
             self.assertLessEqual(V, 10.0 * replica, trouble)
             self.assertLessEqual(study["both.worse"].mean(), 0.05, trouble)
 
-    def test_an_adaptive_observer_identifies_wrong_parameters(self):
-        study = self.columns(
-            'duration = 100.0\nestimators = ["replica", "adaptive"]\n'
-            'record = ["V_floor", "trusted", "nees", "worse"]\n[vary]\n'
-            "events.jitter = [1e-4]\nobserver.impact.restitution = { relative = [-0.1] }\n",
-            "paper_beam",
-        )
-        of_adaptive = [f"adaptive.{name}" for name in ("V_floor", "nees", "trusted", "worse")]
-        self.assertEqual(study.names[5:], ["replica.V_floor", *of_adaptive, "failure"])
-        self.assertLess(study["adaptive.V_floor"][0], 1e-3 * study["replica.V_floor"][0])
-        self.assertGreater(study["adaptive.trusted"][0], 0.5)
-        self.assertLess(study["adaptive.nees"][0], 10.0)
-
     def test_all_modes_give_the_machine(self):
         common = 'duration = 20.0\nestimators = ["replica"]\nrecord = ["V_floor", "rate"]\n'
         common += "samples = 200\n[start]\nreplica = 0.1\n[vary]\nevents.jitter = 1e-4\n"

@@ -75,12 +75,6 @@ class TablesTest(FolderTest):
         header = "made_at,certain_until,t,contact,kind,sigma_t\n"
         self.assertEqual(self.read(header + "1,2,,,,\n1,2,1.5,1,impact,0.1\n").damage, "")
 
-    def test_spurious_events_are_left_out(self) -> None:
-        table = self.read("t,contact,closed,note\n1,1,1,\n2,1,1,spurious\n3,1,1,missing\n")
-        self.assertEqual(table.column("t").tolist(), [1.0, 3.0])
-        self.assertEqual(table.spurious, 1)
-        self.assertEqual(table.data["note"].tolist(), ["", "missing"])
-
     def test_names_of_columns_may_be_anything(self) -> None:
         table = self.read(b"k,t,q1,\xff\x1b,q1,,\n0,0,1,2,3,4,5\n")
         self.assertEqual(list(table.data), ["k", "t", "q1", "\udcff\x1b", ""])
@@ -100,16 +94,6 @@ class TablesTest(FolderTest):
         self.assertEqual(found["contact"].tolist(), [1, 2, 1, 2])
         for text in ("t,contact,closed\n", "t,contact,kind\n"):
             self.assertEqual(len(tables.contact_events(self.read(text).data)), 0)
-
-    def test_closures(self) -> None:
-        events = self.read(
-            "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n4.5,1,0\n5,1,1\n"
-        )
-        found = tables.closures(tables.contact_events(events.data), 8.0)
-        self.assertEqual(found[1].impacts, [1.0, 3.0])
-        self.assertEqual(found[1].stretches, [(5.0, 8.0)])
-        self.assertEqual(found[1].begins, [1.0, 3.0, 5.0])
-        self.assertEqual(found[2], tables.Closures([], [(2.0, 4.0)]))
 
     def test_shards_of_a_study(self) -> None:
         axes = [{"path": "x", "group": 0}, {"path": "y", "group": 0}, {"path": "z"}]
