@@ -35,14 +35,6 @@ class ExamplesTest(FolderTest):
         self.assertIsNotNone(found, text)
         return float(found[1])
 
-    def test_each_tutorial_has_a_script_and_links_to_it(self):
-        names = {file.stem for file in EXAMPLES.glob("*.py")}
-        for page in (SOURCE / "docs/tutorials").glob("*.md"):
-            if page.stem == "python":
-                continue
-            self.assertIn(page.stem, names)
-            self.assertIn(f"python/examples/{page.stem}.py", page.read_text(encoding="utf-8"))
-
     def test_paper_beam(self):
         printed = self.printed("paper_beam")
         self.assertIn("synchronizes: True\n33 impacts, the first at t = 0.4565\n", printed)

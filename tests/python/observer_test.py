@@ -60,8 +60,8 @@ class ObserverTest(unittest.TestCase):
     def test_stepwise_observer_equals_observe(self):
         beam = scene()
         events = sprag.simulate(beam, 10.0).events
-        at_once = sprag.observe(beam, events, 10.0, estimator="timing")
-        observer = sprag.Observer(beam, estimator="timing")
+        at_once = sprag.observe(beam, events, 10.0)
+        observer = sprag.Observer(beam)
         settled = []
         for start in range(10):
             of_second = events[(events["t"] > start) & (events["t"] <= start + 1)]
@@ -139,24 +139,24 @@ class ObserverTest(unittest.TestCase):
         self.assertEqual(sprag.observe(beam, [], 5.0).taken, 0)
 
     def test_an_events_file_is_read(self):
-        for name in ("two_stops_beam", "paper_beam_chatter"):
-            events = sprag.simulate(scene(name), 20.0, tick=0.0).events
-            with tempfile.TemporaryDirectory() as folder:
-                file = Path(folder) / "events.csv"
-                write_events(file, events)
-                read = sprag.read_events(file, scene(name))
-                np.testing.assert_array_equal(read, events)
-                self.assertFalse(read.flags.writeable)
-                self.assertFalse(read.flags.owndata)
-                with file.open("a") as csv:
-                    csv.write("0.001,1,1\n22,1")
-                with self.assertWarns(RuntimeWarning) as caught:
-                    np.testing.assert_array_equal(sprag.read_events(file, scene(name)), events)
-                lines = len(file.read_text().splitlines())
-                texts = [str(warning.message) for warning in caught.warnings]
-                self.assertEqual(len(texts), 2)
-                self.assertTrue(texts[0].startswith(f"{file}:{lines - 1}: "), texts)
-                self.assertTrue(texts[1].startswith(f"{file}:{lines}: "), texts)
+        chatter = scene("paper_beam_chatter")
+        events = sprag.simulate(chatter, 20.0, tick=0.0).events
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "events.csv"
+            write_events(file, events)
+            read = sprag.read_events(file, chatter)
+            np.testing.assert_array_equal(read, events)
+            self.assertFalse(read.flags.writeable)
+            self.assertFalse(read.flags.owndata)
+            with file.open("a") as csv:
+                csv.write("0.001,1,1\n22,1")
+            with self.assertWarns(RuntimeWarning) as caught:
+                np.testing.assert_array_equal(sprag.read_events(file, chatter), events)
+            lines = len(file.read_text().splitlines())
+            texts = [str(warning.message) for warning in caught.warnings]
+            self.assertEqual(len(texts), 2)
+            self.assertTrue(texts[0].startswith(f"{file}:{lines - 1}: "), texts)
+            self.assertTrue(texts[1].startswith(f"{file}:{lines}: "), texts)
         with self.assertRaises(sprag.InputError):
             sprag.read_events("/nowhere/events.csv", scene())
 

@@ -51,36 +51,26 @@ class TypesTest(unittest.TestCase):
         )
 
 
-def public_members(of: object) -> list[str]:
+def members(of: object) -> list[str]:
     return [name for name in vars(of) if not name.startswith("_")]
 
 
 class DocstringsTest(unittest.TestCase):
-    def test_public_names_have_docstrings(self):
-        for name in sprag.__all__:
-            of = getattr(sprag, name)
-            if not callable(of) and not inspect.ismodule(of):
-                continue
+    def test_public_names_and_members_have_docstrings(self):
+        public = {name: getattr(sprag, name) for name in sprag.__all__}
+        documented = {name: of for name, of in public.items() if callable(of)}
+        for name, of in public.items():
+            if inspect.isclass(of) and not issubclass(of, (enum.Enum, Exception)):
+                documented |= {f"{name}.{member}": vars(of)[member] for member in members(of)}
+            elif inspect.ismodule(of):
+                for member in getattr(of, "__all__", members(of)):
+                    function = getattr(of, member)
+                    if callable(function) and function.__module__ == of.__name__:
+                        documented[f"{name}.{member}"] = function
+        self.assertGreater(len(documented), 200)
+        for name, of in documented.items():
             with self.subTest(name):
                 self.assertTrue(of.__doc__)
-
-    def test_members_of_public_classes_have_docstrings(self):
-        classes = [of for of in map(sprag.__dict__.get, sprag.__all__) if inspect.isclass(of)]
-        self.assertGreater(len(classes), 20)
-        for of in classes:
-            if issubclass(of, (enum.Enum, Exception)):
-                continue
-            for name in public_members(of):
-                with self.subTest(f"{of.__name__}.{name}"):
-                    self.assertTrue(vars(of)[name].__doc__)
-
-    def test_functions_of_modules_have_docstrings(self):
-        for module in (sprag.plot, sprag.plot_study, sprag.report, sprag.tables):
-            for name in getattr(module, "__all__", public_members(module)):
-                of = getattr(module, name)
-                if getattr(of, "__module__", "") == module.__name__ and callable(of):
-                    with self.subTest(f"{module.__name__}.{name}"):
-                        self.assertTrue(of.__doc__)
 
 
 if __name__ == "__main__":

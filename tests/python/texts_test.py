@@ -34,28 +34,21 @@ class TextsTest(FolderTest):
         events = sprag.simulate(rig, 20.0).events
         late = events.copy()
         late["t"] += 2e-5 * np.random.default_rng(0).standard_normal(len(events))
-        wrong = rig.with_values({"impact.restitution": 0.4})
-        cases = [
-            (rig, late, {"jitter": 2e-5, "within": 0.5}, ["--jitter", "2e-5", "--within", "0.5"]),
-            (
-                rig,
-                np.delete(late, 30),
-                {"jitter": 2e-5, "free": ["impact.restitution"]},
-                ["--jitter", "2e-5", "--free", "impact.restitution"],
-            ),
-            (
-                wrong,
-                late,
-                {"free": ["system.K"], "within": {"system.K": 0.3}, "accept": True},
-                ["--free", "system.K", "--within", "system.K=0.3", "--accept"],
-            ),
-        ]
-        for of, record, arguments, options in cases:
-            with self.subTest(arguments):
-                fit = sprag.identify(of, record, **arguments)
-                shown = printed("IDENTIFY", self.recorded(record), self.written(of), *options)
+        of_key = {"jitter": 2e-5, "free": ["impact.restitution"]}
+        wrong = {"jitter": 1e-6, "free": ["system.K"], "within": {"system.K": 0.3}, "accept": True}
+        for record, arguments, options in (
+            (late, {"jitter": 2e-5, "within": 0.5}, "--jitter 2e-5 --within 0.5"),
+            (np.delete(late, 30), of_key, "--jitter 2e-5 --free impact.restitution"),
+            (late, wrong, "--jitter 1e-6 --free system.K --within system.K=0.3 --accept"),
+        ):
+            with self.subTest(options):
+                fit = sprag.identify(rig, record, **arguments)
+                events, file = self.recorded(record), self.written(rig)
+                shown = printed("IDENTIFY", events, file, *options.split())
                 self.assertEqual(str(fit), shown)
                 self.assertTrue(str(fit).startswith(f"lab_rig: {fit.verdict}\n"), shown)
+                self.assertTrue(fit.accepted)
+                self.assertEqual(fit.fits, arguments is not wrong)
 
     def test_diagnosis(self):
         rig = scene("lab_rig")
