@@ -342,7 +342,3 @@ class ScenesTest(unittest.TestCase):
         for wrong in ({"clock.rate": 0.1}, {"impact.restitution": 0.0}, {"x": 1.0}):
             with self.subTest(wrong), self.assertRaises(ValueError):
                 rig().replace(parameters=wrong)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -78,7 +78,3 @@ class ArraysTest(unittest.TestCase):
         gc.collect()
         np.testing.assert_array_equal(w, self.scene.model.contacts[0].w)
         np.testing.assert_array_equal(q, [-0.05, 0.0, 0.0])
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -127,7 +127,3 @@ class HelpTest(unittest.TestCase):
         text = parser.format_help()
         self.assertIn("of a clock (default: 1.5)", text)
         self.assertEqual(text.count("(default: "), 2, text)  # and --url
-
-
-if __name__ == "__main__":
-    unittest.main()

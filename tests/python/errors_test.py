@@ -134,7 +134,3 @@ class ErrorsTest(unittest.TestCase):
         self.interrupted(observer.settle, 0.05)
         ticks = [estimate.tick for estimate in observer.settle()]
         self.assertEqual(ticks, list(range(50_001)))
-
-
-if __name__ == "__main__":
-    unittest.main()

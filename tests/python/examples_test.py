@@ -84,7 +84,3 @@ class ExamplesTest(FolderTest):
                     # Numpy's random numbers and rounding may differ between versions.
                     self.assertLessEqual(abs(a - b), 0.5 * abs(b))
         self.assertEqual(compared, 1)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -82,7 +82,3 @@ class OthersTest(unittest.TestCase):
         self.assertIn("contact.1.restitution", figure.axes[0].get_xlabel())
         with self.assertRaises(sprag.Error):
             sprag.plot_study.draw(study, show=["nothing"])
-
-
-if __name__ == "__main__":
-    unittest.main()

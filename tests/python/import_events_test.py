@@ -186,7 +186,3 @@ class ProgramTest(FolderTest):
         with unittest.mock.patch.dict("sys.modules", {"sprag._core": None}):
             done = self.run_import(capture, BEAM, "--level", "D0", code=1)
         self.assertIn("install python3-sprag", done.stderr)
-
-
-if __name__ == "__main__":
-    unittest.main()

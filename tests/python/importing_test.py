@@ -639,7 +639,3 @@ class PlainTest(FileTest):
                 self.read(table, 3, dict(columns))
         with self.assertRaisesRegex(ValueError, "are for --level"):
             self.read("t\n1\n2\n", 1, {"threshold": 0.5})
-
-
-if __name__ == "__main__":
-    unittest.main()

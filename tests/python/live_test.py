@@ -132,7 +132,3 @@ class LiveTest(unittest.TestCase):
                 call()
         with self.assertRaises(sprag.InputError):
             sprag.EstimateListener(url=url, key="/nowhere/key")
-
-
-if __name__ == "__main__":
-    unittest.main()

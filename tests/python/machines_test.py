@@ -174,7 +174,3 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         for name, call in wrong.items():
             with self.subTest(name), self.assertRaises(ValueError):
                 call()
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -191,7 +191,3 @@ class ObserverTest(unittest.TestCase):
             sprag.energies(beam, run.q[0], run.u[0], estimates.q[0, :2], []).V[0],
             sprag.energies(beam, run.q[0], run.u[0], [*estimates.q[0, :2], 0], [0, 0, 0]).V[0],
         )
-
-
-if __name__ == "__main__":
-    unittest.main()

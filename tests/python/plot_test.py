@@ -614,7 +614,3 @@ class ProgramTest(Files):
         self.assertNotIn("[])", done.stdout, "an empty list is no default to name")
         for module in ("matplotlib", "pandas"):
             self.assertNotIn(f" {module}\n", done.stderr)
-
-
-if __name__ == "__main__":
-    unittest.main()

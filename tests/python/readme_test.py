@@ -61,7 +61,3 @@ class FrontPageTest(unittest.TestCase):
         block = re.search(r"^```python\n(.*?)^```", text, flags=re.M | re.S)[1]
         expected = re.search(r"^Both print\n\n```\n(.*?)^```", text, flags=re.M | re.S)[1]
         self.assertEqual(run(block), (expected, []))
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -458,7 +458,3 @@ class ProgramTest(FolderCase):
         states = self.file("s.csv", STATES)
         self.report(LAB_RIG, states, "--format", "pdf", "--output", "a name")
         self.assertEqual((self.folder / "a name").read_bytes()[:5], b"%PDF-")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -71,7 +71,3 @@ class DocstringsTest(unittest.TestCase):
         for name, of in documented.items():
             with self.subTest(name):
                 self.assertTrue(of.__doc__)
-
-
-if __name__ == "__main__":
-    unittest.main()

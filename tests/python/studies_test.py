@@ -1,7 +1,6 @@
 """Rows of a study become arrays, in the order of its axes."""
 
 import json
-import unittest
 
 import numpy as np
 import sprag
@@ -81,7 +80,3 @@ class StudiesTest(FolderTest):
             sprag.read_study(self.folder)
         with self.assertRaises(sprag.InputError):
             sprag.read_study(self.folder / "none")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,6 +1,5 @@
 """Study files: how they are read, the values and the scenes of each run, and their errors."""
 
-import unittest
 
 import numpy as np
 
@@ -303,7 +302,3 @@ system.K.1.2 = [-610.0]
         for first, end in ((-1, 1), (2, 1), (0, 4)):
             with self.assertRaises(ValueError):
                 runs.rows(first, end)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -445,7 +445,3 @@ class ResultsTest(StudyTest):
         part = sprag.read_study(self.folder / "part/shard-2-of-2.csv").dataset()
         self.assertEqual(part["both.V_floor"].shape, (4, 3, 2))
         self.assertEqual(int(part["impacts"].isnull().sum()), 12)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,7 +1,6 @@
 """Tables are read by their headers, up to their damage, exactly."""
 
 import json
-import unittest
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +113,3 @@ class TablesTest(FolderTest):
         self.file("manifest.json", "[1]")
         with self.assertRaisesRegex(InputError, "no manifest of a study"):
             tables.read_study_rows([first])
-
-
-if __name__ == "__main__":
-    unittest.main()

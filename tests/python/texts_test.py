@@ -3,7 +3,6 @@
 import json
 import os
 import subprocess
-import unittest
 from pathlib import Path
 
 import numpy as np
@@ -118,7 +117,3 @@ class TextsTest(FolderTest):
     def test_names_are_printed_as_text(self):
         named = scene("lab_rig").replace(name="a\x1b[31m")
         self.assertTrue(str(sprag.check(named)).startswith("a\\x1b[31m: "))
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -81,7 +81,3 @@ class ThreadsTest(unittest.TestCase):
         observer.set_horizon(20.0)
         settled = [estimate.q for estimate in observer.settle()]
         np.testing.assert_array_equal(settled, sprag.observe(beam, events, 20.0).q)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -293,7 +293,3 @@ class ProgramTest(FolderTest):
             done = self.run_program(RIG, code=1)
         needs = "tolerance needs the compiled part of the Python package sprag"
         self.assertIn(needs, done.stderr)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -187,7 +187,3 @@ class ValuesTest(unittest.TestCase):
         self.assertNotIn("file =", text)
         ours, theirs = (sprag.simulate(of, 2.0) for of in (recorded, sprag.parse_scene(text)))
         self.assertEqual(ours, theirs)
-
-
-if __name__ == "__main__":
-    unittest.main()

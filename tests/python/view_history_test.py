@@ -90,7 +90,3 @@ class IntervalsTest(unittest.TestCase):
             small.add(float(t), 3)
         self.assertEqual(len(small.thinned(Window(0.0, 2000.0, 100_000))), 20)
         self.assertEqual(small.events, 1000)
-
-
-if __name__ == "__main__":
-    unittest.main()

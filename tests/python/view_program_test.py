@@ -10,7 +10,6 @@ import socket
 import struct
 import subprocess
 import time
-import unittest
 from pathlib import Path
 
 from sprag import view
@@ -249,7 +248,3 @@ class ViewProgramTest(FolderTest):
         self.stop(signal.SIGHUP)
         self.serve("--url", "memq://", "--http", self.host)  # the port is free again
         self.stop()
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -591,7 +591,3 @@ class RulesTest(unittest.TestCase):
                 endpoint_of(text)
         self.assertTrue(is_loopback("127.0.0.1"))
         self.assertFalse(is_loopback("0.0.0.0"))
-
-
-if __name__ == "__main__":
-    unittest.main()
