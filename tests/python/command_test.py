@@ -124,6 +124,7 @@ class HelpTest(unittest.TestCase):
         parser.add_argument("--rate", type=float, default=1.5, help="of a clock")
         parser.add_argument("--end", type=float, default=math.inf, help="of the run")
         parser.add_argument("--flag", action="store_true", help="for nothing")
+        parser.add_argument("--show", action="extend", default=[], help="of names")
         text = parser.format_help()
         self.assertIn("of a clock (default: 1.5)", text)
         self.assertEqual(text.count("(default: "), 2, text)  # and --url
