@@ -170,18 +170,12 @@ class SmoothTest(unittest.TestCase):
 
 
 class ImpactsTest(unittest.TestCase):
-    def test_law_and_program(self):
+    def test_impacts_are_those_of_the_program(self):
         truth = scene("two_stops_beam")
         machine = sprag.simulate(truth, 40.0)
         impacts = sprag.impacts(truth, machine.events, 40.0)
         self.assertEqual(len(impacts), len(machine.events))
         np.testing.assert_array_equal(impacts["t"], machine.events["t"])
-        known = impacts[(impacts["kind"] == 3) & np.isfinite(impacts["sigma_velocity_before"])]
-        self.assertGreater(len(known), 20)
-        epsilon = truth.model.contacts[0].restitution
-        np.testing.assert_allclose(
-            known["velocity_after"], -epsilon * known["velocity_before"], atol=1e-9
-        )
         with tempfile.TemporaryDirectory() as folder:
             events, file = Path(folder) / "events.csv", Path(folder) / "impacts.csv"
             write_events(events, machine.events)
@@ -193,7 +187,8 @@ class ImpactsTest(unittest.TestCase):
             header = file.read_text().splitlines()[0].split(",")
             table = np.genfromtxt(file, delimiter=",", names=True)
         self.assertEqual([of for of in impacts.dtype.names if of != "sustained"], header)
-        np.testing.assert_array_equal(table["t"], impacts["t"])
+        for name in ("t", "velocity_before", "velocity_after", "sigma_velocity_after"):
+            np.testing.assert_array_equal(table[name], impacts[name])
 
     def test_prediction_is_what_comes(self):
         truth = rig()

@@ -60,14 +60,8 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
             self.assertEqual(contact.restitution, 0.9)
             self.assertEqual(contact.restitution_by_speed, by_speed)
             self.assertNotEqual(contact, sprag.Contact([1.0], 0.9))
-            fall = [sprag.Force([1.0], -9.81)]
-            model = sprag.Model([[1.0]], [[0.0]], [[0.0]], [contact], fall)
-            scene = sprag.Scene(model, master=sprag.State(q=[0.2]))
+            scene = sprag.Scene(sprag.Model([[1.0]], [[0.0]], [[0.0]], [contact]))
             self.assertEqual(sprag.parse_scene(sprag.to_toml(scene)), scene)
-            times = np.unique(sprag.simulate(scene, 1.5).events["t"])
-            speed = np.sqrt(2 * 9.81 * 0.2)
-            rebound = 0.9 - 0.05 * speed if by_speed is line else 0.8
-            self.assertAlmostEqual(times[1] - times[0], 2 * rebound * speed / 9.81, 12)
         slower = scene.with_values({"impact.restitution.value": 0.45})
         self.assertEqual(slower.model.contacts[0].restitution_by_speed["value"], [0.45, 0.4])
         for wrong in (
@@ -104,8 +98,6 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         )
         np.testing.assert_array_equal(estimates.outputs[:, 1], estimates.u[:, 1])
         self.assertAlmostEqual(estimates.sigma_outputs[0, 0], np.hypot(0.25, 0.5), 12)
-        replica = sprag.observe(machine, run.events, 1.0, estimator="replica")
-        self.assertTrue(np.isinf(replica.sigma_outputs).all())
         observer = sprag.Observer(machine)
         observer.set_horizon(1.0)
         self.assertEqual(observer.settle()[-1].outputs.shape, (2,))

@@ -4,23 +4,12 @@
 import numpy as np
 
 import sprag
-from sprag import _core
 from sprag._figures import figures
 from sprag._study_file import StudyRuns, read_study_file
 from support import SOURCE, FolderTest
 
 RIG = f"{SOURCE}/scenes/lab_rig.toml"
 BOTH = 'estimators = ["replica", "both"]\n'
-
-
-def philox(counter, key):
-    """Ten rounds of Philox4x32 (Salmon et al. 2011)."""
-    c, k, mask = list(counter), list(key), 0xFFFFFFFF
-    for _ in range(10):
-        a, b = 0xD2511F53 * c[0], 0xCD9E8D57 * c[2]
-        c = [b >> 32 ^ c[1] ^ k[0], b & mask, a >> 32 ^ c[3] ^ k[1], a & mask]
-        k = [k[0] + 0x9E3779B9 & mask, k[1] + 0xBB67AE85 & mask]
-    return c
 
 
 class StudyFileTest(FolderTest):
@@ -73,15 +62,6 @@ events.jitter = [1e-5, 1e-4]
         np.testing.assert_array_equal(shared[:200, :2], shared[200:, :2])
         # Half of them, within five standard deviations.
         self.assertAlmostEqual(int((values[:, 1] < 1e-3).sum()), 200, delta=5 * 10)
-
-    def test_random_numbers_are_those_of_philox(self):
-        # kat_vectors of Random123, the authors' reference library.
-        zeros = [0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8]
-        self.assertEqual(philox([0] * 4, [0] * 2), zeros)
-        seed, stream, axes = 7 + (9 << 32), 3 + (4 << 32), 5
-        words = [w for block in (0, 1) for w in philox([block, axes, 3, 4], [7, 9])]
-        expected = [((words[i + 1] << 32 | words[i]) >> 11) * 2.0**-53 for i in (0, 2, 4, 6)]
-        self.assertEqual(_core._uniforms(seed, stream, 4), expected)
 
     def test_a_key_of_the_observer_does_not_change_the_machine(self):
         study = self.read(
