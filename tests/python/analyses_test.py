@@ -327,10 +327,18 @@ class ScenesTest(unittest.TestCase):
         stronger = shaken.with_values({"excitation.gain": 1.5})
         self.assertNotEqual(stronger, shaken)
         self.assertEqual(stronger.with_values({"excitation.gain": 1.0}), shaken)
+        other = rig().replace(jitter=1e-3, master=sprag.State([0.0, 0.001]), uncertainty=0.4)
+        self.assertEqual((other.jitter, other.master.q[1]), (1e-3, 0.001))
+        np.testing.assert_array_equal(other.uncertainty, [0.2, 0.2])
+        for wrong in ({"jitter": -1.0}, {"master": sprag.State([0.0, -1.0])}):
+            with self.subTest(wrong), self.assertRaises(ValueError):
+                rig().replace(**wrong)
         for wrong in ({"impact.restitution": 1.5}, {"system.Q": 1.0}, {"system.K": -1.0}):
             with self.subTest(wrong), self.assertRaises(ValueError):
                 rig().with_values(wrong)
         uncertain = rig().replace(parameters={"impact.restitution": 0.01, "system.K": 0.02})
+        self.assertEqual(uncertain.parameters.keys, ["impact.restitution", "system.K"])
+        np.testing.assert_array_equal(uncertain.parameters.sigma, [0.01, 0.02])
         events = sprag.simulate(rig(), 20.0).events
         sigmas = [sprag.observe(of, events, 20.0).sigma_q[-1, 0] for of in (uncertain, rig())]
         self.assertGreater(sigmas[0], sigmas[1])

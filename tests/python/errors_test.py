@@ -75,13 +75,16 @@ class ErrorsTest(unittest.TestCase):
             "tick of observe": lambda: sprag.observe(beam, events, 1.0, tick=0.0),
             "estimator": lambda: sprag.observe(beam, events, 1.0, estimator="none"),
             "contact": lambda: sprag.observe(beam, [(1.0, 2, 3)], 1.0),
+            "contact from 0": lambda: sprag.observe(beam, [(1.0, 0, 3)], 1.0),
             "kind": lambda: sprag.observe(beam, [(1.0, 1, 4)], 1.0),
             "time": lambda: sprag.observe(beam, [(float("nan"), 1, 3)], 1.0),
+            "an array of times": lambda: sprag.observe(beam, np.array([1.0, 1.5]), 2.0),
             "times alone": lambda: sprag.observe(beam, [1.0, 1.5], 2.0),
             "other fields": lambda: sprag.observe(
                 beam, np.zeros(1, dtype=[("t", "f8"), ("on", "i4"), ("off", "i1")]), 2.0
             ),
             "two dimensions": lambda: sprag.observe(beam, events[None, :], 2.0),
+            "too many columns": lambda: sprag.energies(beam, state, state, np.zeros((2, 4)), state),
             "too few columns": lambda: sprag.energies(beam, state[:, :2], state, state, state),
             "rows": lambda: sprag.energies(beam, state, state, state[:1], state),
             "dimensions": lambda: sprag.energies(beam, state[None], state, state, state),

@@ -116,6 +116,14 @@ class LiveTest(unittest.TestCase):
         with self.assertRaises(KeyboardInterrupt):
             listener.next()
 
+    def test_other_threads_run_while_it_waits(self):
+        listener = sprag.EstimateListener(url=free_url())
+        thread = threading.Thread(target=listener.next, args=(0.5,))
+        started = time.monotonic()
+        thread.start()
+        self.assertLess(time.monotonic() - started, 0.4)
+        thread.join()
+
     def test_wrong_arguments(self):
         url = free_url()
         wrong = {

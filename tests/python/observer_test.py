@@ -127,6 +127,7 @@ class ObserverTest(unittest.TestCase):
         expected = sprag.observe(beam, run.events, 5.0).q
         given = {
             "triples": run.events.tolist(),
+            "lists": [list(event) for event in run.events.tolist()],
             "in another order": run.events[::-1],
             "every second of an array": np.repeat(run.events, 2)[::2],
             "pulses": sprag.pulses(run.events["t"]),
