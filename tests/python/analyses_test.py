@@ -283,6 +283,20 @@ class ScenesTest(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, 'is "sure"; must be "low", "medium" or "high"'):
             scene.replace(confidence="sure")
 
+    def test_a_shaken_frame_is_a_force_and_the_motion_of_stops_on_the_ground(self):
+        model = rig().model
+        for mount, amplitude in (("ground", 0.5 * 0.004), ("frame", 0.0)):
+            shaken = sprag.Scene(
+                sprag.Model(model.M, model.C, model.K, model.contacts),
+                excitation=sprag.Harmonic(0.004, 13.0),
+                influence=[1.0, 0.5],
+                mount=[mount],
+            )
+            (force,) = shaken.model.forces
+            inertia = 13.0**2 * 0.004 * model.M @ [1.0, 0.5]
+            np.testing.assert_allclose(force.harmonic.amplitude * force.direction, inertia)
+            self.assertAlmostEqual(shaken.model.contacts[0].motion.amplitude, amplitude, 15)
+
     def test_forms_of_damping(self):
         rayleigh = sprag.Model(
             np.eye(2), None, 2 * np.eye(2), [sprag.Contact([1, 0], 0.5)], rayleigh=(0.1, 0.2)
