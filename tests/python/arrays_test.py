@@ -17,31 +17,21 @@ class ArraysTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.scene = scene()
-        cls.machine = sprag.simulate(cls.scene, 5.0, tick=0.01)
-        cls.estimates = sprag.observe(cls.scene, cls.machine.events, 5.0, tick=0.01)
 
-    def all_arrays(self):
-        estimate = sprag.Observer(self.scene).at(0.5)
-        energies = sprag.energies(
-            self.scene, self.machine.q, self.machine.u, self.estimates.q, self.estimates.u
-        )
-        state = self.scene.master
+    def test_arrays_are_in_c_order_read_only_and_not_copied(self):
+        run = sprag.simulate(self.scene, 5.0, tick=0.01)
+        seen = sprag.observe(self.scene, run.events, 5.0, tick=0.01)
         owners = {
-            self.machine: ["events", "t", "q", "u"],
-            self.estimates: ["t", "bound", "from_filter", *TABLES],
-            estimate: TABLES,
-            energies: ["V", "V_i"],
-            state: ["q", "u"],
+            run: ["events", "t", "q", "u"],
+            seen: ["t", "bound", "from_filter", *TABLES],
+            sprag.Observer(self.scene).at(0.5): TABLES,
+            sprag.energies(self.scene, run.q, run.u, seen.q, seen.u): ["V", "V_i"],
+            self.scene.master: ["q", "u"],
             self.scene: ["uncertainty"],
             self.scene.model.contacts[0]: ["w"],
         }
-        for owner, names in owners.items():
-            for name in names:
-                yield f"{type(owner).__name__}.{name}", owner, name
-
-    def test_arrays_are_in_c_order_read_only_and_not_copied(self):
-        for name, owner, attribute in self.all_arrays():
-            with self.subTest(name):
+        for owner, attribute in ((owner, name) for owner in owners for name in owners[owner]):
+            with self.subTest(f"{type(owner).__name__}.{attribute}"):
                 array = getattr(owner, attribute)
                 self.assertTrue(array.flags.c_contiguous)
                 self.assertFalse(array.flags.writeable)

@@ -52,7 +52,6 @@ GRID = SAMPLES[np.flatnonzero(np.diff(DIGITAL, prepend=0) == 1)]
 PULSES: dict[str, Any] = {"pulse_shorter_than": 0.003}
 CHANNEL = {"level": {1: "Channel 0"}, **PULSES}
 SCOPE = {"threshold": 2.5, **PULSES}
-TWO_COLUMNS = ["time", "level", "chip", "line"]
 
 
 def rows(form: str, head: str, *columns: Any) -> str:
@@ -173,7 +172,7 @@ class LogicAnalyserTest(FileTest):
         gpiomon = "".join(
             f"{2000 + t:.9f}\t{'rising' if on else 'falling'}\tgpiochip0 17\n" for t, on in EDGES
         )
-        how = {"columns": TWO_COLUMNS, **PULSES}
+        how = {"columns": ["time", "level", "chip", "line"], **PULSES}
         check("gpiomon", gpiomon, TIMES, 1.1e-9, offset="2000", level={1: "level"}, **how)
         both = sorted([(t, on, 17) for t, on in EDGES] + [(t + 1e-4, on, 27) for t, on in EDGES])
         two = "".join(
@@ -536,18 +535,13 @@ class HintTest(unittest.TestCase):
 class ContactTest(FileTest):
     """Closings and openings, by the rules of the compiled library."""
 
-    def pairs(self, text: str, **rules: Any) -> tuple[list[Any], list[str]]:
-        table = read_table("on,off\n" + text)
-        options = Options(**{"unit": "s", "any_order": True} | rules)
-        of = import_table(table, 1, Columns(on={1: "on"}, off={1: "off"}), options)
-        events = [(t, kind) for t, _, kind in of.events.tolist()]
-        return events, [str(problem) for problem in table.problems]
-
     def test_contradictions_are_named_by_line(self):
-        events, problems = self.pairs(",0.5\n1,2\n1.5,4\n3,5\n1,\n")
-        self.assertEqual(events, [(1.0, 1), (2.0, 2), (3.0, 1), (4.0, 2)])
+        table = read_table("on,off\n,0.5\n1,2\n1.5,4\n3,5\n1,\n")
+        columns = Columns(on={1: "on"}, off={1: "off"})
+        of = import_table(table, 1, columns, Options(unit="s", any_order=True))
+        self.assertEqual(of.events.tolist(), [(1.0, 1, 1), (2.0, 1, 2), (3.0, 1, 1), (4.0, 1, 2)])
         self.assertEqual(
-            problems,
+            [str(problem) for problem in table.problems],
             [
                 "2: column off: opens at t = 0.5, but is open already",
                 "4: column on: closes at t = 1.5, but is closed already since t = 1",

@@ -280,18 +280,15 @@ class RunsTest(Files):
 
 
 class NamesTest(Files):
-    def crowded(self, n):
+    def test_names_cover_neither_each_other_nor_leave_the_axes(self):
         t = np.linspace(0.0, 10.0, 500)
         runs = []
-        for i in range(n):
+        for i in range(9):
             y = np.sin(t + 0.3 * i) * (1.0 + 0.2 * i)
             rows = "".join(f"{k},{x},{v},0,{0.1}\n" for k, (x, v) in enumerate(zip(t, y)))
             runs.append(self.table("k,t,q1,u1,sigma_q1\n" + rows, f"estimate number {i + 1}"))
-        return runs
-
-    def test_names_cover_neither_each_other_nor_leave_the_axes(self):
         for n in (3, 9):
-            figure = self.figure(*self.crowded(n))
+            figure = self.figure(*runs[:n])
             figure.canvas.draw()
             axes = figure.axes[0]
             legend = axes.get_legend()
