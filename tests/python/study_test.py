@@ -124,15 +124,15 @@ class ExecutorsTest(StudyTest):
     def test_ranks_of_mpi(self):
         file = self.study(5)
         expected = self.reference(5)
+        report = self.folder / "report.json"
+        mpirun = [MPIRUN, "--oversubscribe", "--bind-to", "none", "-n"]
         for ranks in (1, 3):
             folder = f"ranks_{ranks}"
-            report = self.folder / "report.json"
-            mpirun = [MPIRUN, "--oversubscribe", "--bind-to", "none", "-n", str(ranks)]
             command = self.command(file, folder, "--mpi", "--chunk", "2", "--report", report)
-            self.run_program([*mpirun, *command])
+            self.run_program([*mpirun, str(ranks), *command])
             self.assertEqual(self.rows(folder), expected)
             self.assertEqual(json.loads(report.read_text())["workers"], max(ranks - 1, 1))
-        self.run_program([*mpirun, *self.command(self.folder / "none", "other", "--mpi")], 2)
+        self.run_program([*mpirun, "2", *self.command(self.folder / "none", "other", "--mpi")], 2)
 
     @unittest.skipUnless(has("distributed"), "python3-distributed is missing")
     def test_workers_of_dask(self):
