@@ -178,7 +178,7 @@ class InterruptionsTest(StudyTest):
         kept = 0
         for sent in (signal.SIGTERM, signal.SIGKILL):
             self.break_off(
-                self.command(file, "killed", "--chunk", "3"),
+                self.command(file, "killed", "--chunk", "3", "--jobs", "1"),
                 "killed",
                 kept + 30,
                 lambda process: process.send_signal(sent),
