@@ -99,6 +99,15 @@ class ProgramTest(FolderTest):
         self.assertEqual(self.report()["contacts"][0]["pulses"], 40)
         self.assertEqual(self.report()["hints"], [])
 
+    @unittest.skipUnless(COMPILED, "no _core")
+    def test_closings_and_openings_are_those_of_each_contact(self) -> None:
+        file = self.file("rig.csv", "on;off;stop;go\n1;2;1.25;1.5\n3;3.5;;\n")
+        options = ("--on", "on", "--off", "off", "--on", "stop", "--off", "go")
+        done = self.run_import(file, str(SCENES / "two_stops_beam.toml"), *options, code=0)
+        expected = HEAD + "1,1,1\n1.25,2,1\n1.5,2,0\n2,1,0\n3,1,1\n3.5,1,0\n"
+        self.assertEqual(done.stdout, expected)
+        self.assertEqual([of["sustained"] for of in self.report()["contacts"]], [2, 1])
+
     def test_bad_rows_are_named_and_left_out(self) -> None:
         text = "t\n0.5\n" + "x\n1.5\n" * 25 + "1.75\n1.8\n"
         text = text.replace("1.5\n", "{:.2f}\n").format(*(1 + 0.01 * k for k in range(25)))

@@ -247,6 +247,14 @@ class RunsTest(Files):
         low, high = self.figure(wide).axes[0].get_ylim()
         self.assertTrue(2.0 < low and high < 5.0, "bars may leave the range")
 
+    def test_a_constant_curve_is_centred(self):
+        table = self.table("k,t,q1,u1,still,zero\n0,0,1,0,-0.7,0\n1,3,2,0,-0.7,0\n")
+        figure = self.figure(table, show=["still", "zero"])
+        for axes, middle in zip(figure.axes, (-0.7, 0.0)):
+            low, high = axes.get_ylim()
+            self.assertAlmostEqual((low + high) / 2, middle)
+            self.assertGreater(high, low)
+
     def test_zooms_where_a_motion_would_be_a_block(self):
         def oscillation(periods):
             t = np.linspace(0.0, 100.0, 20 * periods)
@@ -315,6 +323,27 @@ class NamesTest(Files):
             own = float(text.get_text().split()[1])
             distance = {y: abs(height.mean() - y) for y in (1.0, 2.0, 3.0)}
             self.assertEqual(min(distance, key=distance.get), own)
+
+    def test_a_name_covers_no_mark(self):
+        with _drawing.style():
+            axes = _drawing.new_figure(4.0, 2.0).add_subplot()
+            axes.plot(range(99), [0] * 99, marker="o", ms=6, label="name")
+            axes.figure.canvas.draw()
+            _drawing.name_lines(axes)
+        box = axes.texts[0].get_window_extent()
+        for point in axes.transData.transform(axes.lines[0].get_xydata()):
+            self.assertFalse(box.padded(9).contains(*point))
+
+    def test_a_leader_crosses_few_lines(self):
+        with _drawing.style():
+            axes = _drawing.new_figure(4.0, 3.0).add_subplot()
+            axes.plot([0, 1], [9.6, 9.6], label="name")
+            for y in (9.9, 10.5, *np.linspace(9.5, 9.0, 6)):
+                axes.plot([0, 1], [y, y], label="_other")
+            axes.set_ylim(0, 12)
+            axes.figure.canvas.draw()
+            _drawing.name_lines(axes)
+        self.assertGreater(axes.texts[0].get_position()[1], 10 / 12)
 
     def test_names_in_a_legend_may_begin_with_an_underscore(self):
         impacts = "t,contact,kind,impulse\n1,1,impact,3\n2,1,impact,4\n"
@@ -400,6 +429,10 @@ class StudyTest(Files):
                 for left, right in zip(labels, labels[1:]):
                     self.assertLess(left.x1, right.x0)
 
+    def test_numbers_of_modes_have_whole_ticks(self):
+        figure = self.draw(self.study(["modes"], ["rate"], [(n, 1.0) for n in (1, 2, 3)]))
+        self.assertTrue((figure.axes[0].get_xticks() % 1 == 0).all())
+
     def test_points_of_the_stroboscope(self):
         rows = [(2.0 + k, n, -k, 0.1 * n, 7.0) for k in range(3) for n in range(1, 5)]
         columns = ["n", "lyapunov", "q1", "u1"]
@@ -465,6 +498,10 @@ class StudyTest(Files):
             plot_study._edges(np.array([1.0, 10.0, 100.0])), 10 ** np.array([-0.5, 0.5, 1.5, 2.5])
         )
         self.assertEqual(plot_study._edges(np.array([1.0, 2.0])).tolist(), [0.5, 1.5, 2.5])
+
+    def test_a_key_is_a_quantity_too(self):
+        figure = self.draw(self.study(["x"], ["V"], [(1, 2), (3, 4)]), show=["x"])
+        self.assertEqual(figure.axes[0].lines[0].get_ydata().tolist(), [1.0, 3.0])
 
     def test_sparse_data_is_drawn(self):
         rows = [(1, 1, 1, 4, -math.inf, 2), (1, 2, 2, 3, -math.inf, math.inf)]

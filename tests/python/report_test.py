@@ -14,13 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.textpath import TextPath
 from sprag import report
 from sprag.report import page
 from sprag.report.analysis import FEWEST_RESIDUALS, check_predictions, consistency
 from sprag.report.analysis import innovations, normalized
 from sprag.report.content import quantity, rounded, rounded_to
 from sprag.report.inputs import Inputs
-from sprag.report.pictures import MotionPictures
+from sprag.report.pictures import MotionPictures, correlation_picture
 from sprag.report.run import certainty_blocks, impacts_blocks, measurement_blocks
 from sprag.tables import read_table
 from support import SOURCE, FolderTest, ended
@@ -100,6 +101,13 @@ class AnalysisTest(FolderCase):
         self.assertIn("2 rows marked as spurious are not counted", text)
         self.assertIn("2 rows that identify inserted for lost events", text)
         self.assertEqual(grid.rows, [["1", "2", "0", "0", "1", "4"]])
+
+    def test_labels_of_correlations_are_within_the_picture(self):
+        label = "beam.bending_stiffness"
+        svg = correlation_picture([label, *"abcdef"], np.eye(7)).svg
+        (x,) = re.findall(rf'x="([\d.]+)"[^>]*>{label}', svg)
+        width = TextPath((0, 0), label + "  1", size=8).get_extents().width
+        self.assertGreater(float(x), width)
 
     def test_innovations_are_those_of_each_reported_closing(self):
         found = innovations(

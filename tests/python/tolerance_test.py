@@ -243,6 +243,11 @@ class ProgramTest(FolderTest):
         done = self.run_program(beam, "--duration", "9", code=2)
         self.assertIn("the recorded input of swept_beam ends", done.stderr)
 
+    def test_a_full_disk_is_a_failure(self):
+        (self.folder / "t.csv").symlink_to("/dev/full")
+        done = self.run_program(RIG, *self.SHORT, "--csv", "t.csv", code=1)
+        self.assertIn("t.csv: No space left on device", done.stderr)
+
     def test_bad_usage(self):
         for arguments, why in (
             (["--estimator", "kalman"], "kalman; choose replica, timing, both or adaptive"),

@@ -122,8 +122,9 @@ class WatchTest(unittest.TestCase):
         self.assertIsNone(q2["low"][1], "nothing is guaranteed")
         self.bounds(2, [0.1, 0.2, 0.3], session=6)
         self.assertEqual(self.watch.of_others, 1)
+        self.bounds(2, [], names=())
         self.bounds(2, [0.1] * 4, names=("q1", "q2", "q3", "g1"))
-        self.assertEqual(self.watch.misfits, 1)
+        self.assertEqual(self.watch.misfits, 2)
 
     def test_a_replica_has_no_deviations(self):
         self.take("SETTLED", estimate(1, 0.1, 0.01, from_filter=0))
