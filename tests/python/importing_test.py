@@ -248,13 +248,13 @@ class OscilloscopeTest(FileTest):
 class SpreadsheetTest(FileTest):
     def test_times(self):
         check = self.check
-
-        start = 2**30 - 3_000_000
-        counts = [(round(t * 1e6) + start) % 2**30 for t in TIMES]
-        text = rows("{}", "Impact [us]\n", counts)
-        how = {"offset": str(start), "said": "column Impact [us]"}
-        check("wraps", text, Refused("--counter-bits 30"), **how)
-        check("30 bits", text, TIMES, 1e-6, offset=str(start), counter_bits=30)
+        for bits in (32, 30):
+            start = 2**bits - 3_000_000
+            counts = [(round(t * 1e6) + start) % 2**bits for t in TIMES]
+            text = rows("{}", "Impact [us]\n", counts)
+            how = {"offset": str(start), "said": "column Impact [us]"}
+            check(f"wraps at {bits}", text, Refused(f"--counter-bits {bits}"), **how)
+            check(f"{bits} bits", text, TIMES, 1e-6, offset=str(start), counter_bits=bits)
         days = rows("{:.14f}", "Impact\n", 45415.5 + TIMES / 86400)
         check("days", days, TIMES, 1e-5, unit="86400", offset="45415.5")
         ms = [int(t % 1 * 1000) for t in FEW]
