@@ -582,6 +582,7 @@ class ProgramTest(Files):
             ("choose q1 or u1", (states, *out, "--show", "g1")),
             ("nothing to show in this time", (states, *out, "--from", "9")),
             ("No such file", ("none.csv", *out)),
+            ("n: cannot be read", ("n" * 100000, *out)),
             ("header is none of", (foreign, *out)),
             ("holds predictions", (predictions, *out)),
             ("a second scene", (scene, f"a={scene}", states, *out)),

@@ -94,6 +94,16 @@ class TablesTest(FolderTest):
         for text in ("t,contact,closed\n", "t,contact,kind\n"):
             self.assertEqual(len(tables.contact_events(self.read(text).data)), 0)
 
+    def test_closures(self) -> None:
+        events = self.read(
+            "t,contact,closed\n1,1,1\n1,1,0\n2,2,1\n3,1,1\n3,1,0\n4,2,0\n4.5,1,0\n5,1,1\n"
+        )
+        found = tables.closures(tables.contact_events(events.data), 8.0)
+        self.assertEqual(found[1].impacts, [1.0, 3.0])
+        self.assertEqual(found[1].stretches, [(5.0, 8.0)])
+        self.assertEqual(found[1].begins, [1.0, 3.0, 5.0])
+        self.assertEqual(found[2], tables.Closures([], [(2.0, 4.0)]))
+
     def test_shards_of_a_study(self) -> None:
         axes = [{"path": "x", "group": 0}, {"path": "y", "group": 0}, {"path": "z"}]
         self.file("manifest.json", json.dumps({"name": "jitter", "axes": axes}))

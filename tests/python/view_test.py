@@ -185,6 +185,13 @@ class WatchTest(unittest.TestCase):
         self.take("TRUTH", encoded("state_t", **of_three), 1.1)
         self.assertEqual(self.watch.misfits, 1)
 
+    def test_states_before_the_first_contact_message_are_kept(self):
+        state = {"session": 5, "f": 2, "q": [0.1, 0.2], "u": [0.0, 0.0]}
+        self.watch.take("SPRAG_TRUTH", encoded("state_t", **state), 0.0)
+        self.watch.take("SPRAG_CONTACTS", contacts(0.0, 1), 0.0)
+        self.take("SETTLED", estimate(0, 0.2, 0.01))
+        self.assertEqual(self.frame()["energy"]["k"], 0)
+
     def test_unsettled_estimates_are_bounded_and_shown(self):
         for i in range(1, 20_000):
             self.watch.take("SPRAG_ESTIMATE", estimate(i, 0.1, 0.01), 0.0)
