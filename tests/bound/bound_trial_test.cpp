@@ -19,7 +19,7 @@ constexpr double bound_rounding = 1.0 + 1e-9;
 
 int trials() {
   const char* given = std::getenv("SPRAG_BOUND_TRIALS");
-  return given != nullptr ? std::max(1, std::atoi(given)) : repetitions(300);
+  return given != nullptr ? std::max(1, std::atoi(given)) : long_repetitions(300);
 }
 
 std::uint64_t first_seed() {

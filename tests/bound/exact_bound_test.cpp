@@ -1,18 +1,15 @@
-// The bound B on the error energy V of exact machines with exact events: it holds at every tick,
-// and it is not much larger than V.
+// The terms of the bound B of exact machines with exact events: the contraction by a flight, and
+// what joint impacts add.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <iostream>
-#include <memory>
 
-#include "sprag/detail/bound/bound_tracker.h"
 #include "sprag/detail/bound/flight_contraction.h"
 #include "sprag/detail/bound/impact_remainder.h"
 #include "sprag/detail/mechanics/impact_law.h"
-#include "sprag/detail/replica/replica.h"
 #include "tests/support/flight_norm.h"
 #include "tests/support/random.h"
 #include "tests/support/random_model.h"
@@ -21,80 +18,6 @@
 
 namespace sprag::test {
 namespace {
-
-struct Case {
-  const char* scene;
-  double T;
-};
-void PrintTo(const Case& c, std::ostream* out) { *out << c.scene; }
-
-/// A master and a replica with its bound, tick by tick. B(0) = V(0), or 1e-12 if V(0) is less: the
-/// ball's V is zero at the start.
-class BoundedPair {
- public:
-  BoundedPair(Scene scene, double h)
-      : pair(scene, h), history_(pair.estimator.flows().dynamics().contacts(), 1000) {
-    const Eigen::Index f = scene.model.coordinates();
-    scene.prior.tolerance = {};
-    scene.prior.uncertainty =
-        Eigen::VectorXd::Constant(f, std::max(pair.V(), 1e-12) / static_cast<double>(f));
-    tracker_ = std::make_unique<BoundTracker>(scene, pair.estimator.flows(), h);
-    history_.restart(0, 0, no_horizon);
-    read();
-  }
-
-  void step() {
-    pair.step();
-    read();
-  }
-  double t() const { return pair.t(); }
-  double V() const { return pair.V(); }
-
-  Pair<Replica> pair;
-  double B = 0.0;
-
- private:
-  void read() {
-    for (const ContactEvent& event : pair.passed) history_.add(event);
-    history_.set_horizon(pair.t());
-    tracker_->follow(history_, pair.t());
-    B = tracker_->bound(history_, pair.t(), pair.q_s, pair.u_s);
-  }
-
-  EventHistory history_;
-  std::unique_ptr<BoundTracker> tracker_;
-};
-
-class BoundOfScene : public testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(Scenes, BoundOfScene,
-                         testing::Values(Case{"paper_beam", 100.0},
-                                         Case{"paper_beam_chatter", 50.0},
-                                         Case{"two_supports_beam", 50.0},
-                                         Case{"non_proportional", 50.0},
-                                         Case{"bouncing_ball", 10.0}, Case{"swept_beam", 5.0}),
-                         [](const auto& parameter) { return std::string(parameter.param.scene); });
-
-TEST_P(BoundOfScene, HoldsAtEveryTickAndNeverGrowsBetweenEvents) {
-  BoundedPair pair(shipped_scene(GetParam().scene), 1e-2);
-  const double B_0 = pair.B;
-  double worst = 0.0;
-  while (pair.t() < GetParam().T) {
-    const double before = pair.B;
-    pair.step();
-    worst = std::max(worst, pair.V() / pair.B);
-    ASSERT_LE(pair.V(), pair.B) << "t = " << pair.t();
-    if (pair.pair.passed.empty()) {
-      ASSERT_LE(std::sqrt(pair.B), std::sqrt(before) + 1e-12) << pair.t();
-    }
-  }
-  std::cout << GetParam().scene << ": largest V/B " << worst << ", at the end V " << pair.V()
-            << ", B/B(0) " << pair.B / B_0 << '\n';
-  // An error that only the slowest decay of free flight reduces comes close to the bound.
-  if (GetParam().scene == std::string("paper_beam")) {
-    EXPECT_LT(pair.B, 0.5e-4);
-    EXPECT_GT(worst, 0.99);
-  }
-}
 
 /// Free motion of a machine at rest.
 Motion at_rest(const Flows& flows, double t) {
