@@ -166,15 +166,5 @@ TEST(ReplicaTick, OfManyContactsAllocatesOnlyTheFirstTime) {
   EXPECT_GT(met.switchings, 100);
 }
 
-// A rollback copies states, into a used one and into a new one of the same replica.
-TEST(ReplicaState, CopiesDoNotAllocate) {
-  const Drive drive = shipped("paper_beam_chatter");
-  Replica replica(drive.model, drive.h);
-  Replica::State state, other;
-  replica.start(drive.start, 0, 0, other);
-  (void)run(replica, drive, state);
-  EXPECT_EQ(allocations_of([&] { other = state; }), 0);
-}
-
 }  // namespace
 }  // namespace sprag::test

@@ -7,9 +7,7 @@
 #include <vector>
 
 #include "lcmtypes/contact_messages.h"
-#include "observer/spsc_queue.h"
 #include "recording/session_tracker.h"
-#include "sprag/detail/events/event_history.h"
 #include "tests/no_allocation/allocations.h"
 #include "tests/support/random.h"
 #include "tests/support/random_events.h"
@@ -22,37 +20,6 @@ std::vector<ContactMessage> random_reports(std::uint64_t seed, int count) {
   Random random(seed);
   const auto events = random_events(random, 5, count, 0.0, 0.01);
   return reports_at(event_and_heartbeat_times(events, 1e-2, events.back().t), events, 5);
-}
-
-TEST(EventHistory, AddsReportsAndEventsWithoutAllocating) {
-  const std::vector<ContactMessage> reports = random_reports(501, 20000);
-  EventHistory history(5, 2000);
-  history.restart(0, 0, no_horizon);
-  std::size_t taken = 0;
-  CountAllocations counting;
-  for (std::size_t i = 0; i < reports.size(); ++i) {
-    if (i % 1000 > 800) continue;  // a gap
-    taken += history.add(reports[i]);
-    taken += history.add(reports[i]);
-    if (history.events().size() > 1000) history.drop(900);
-  }
-  const long allocations = counting.stop();
-  EXPECT_EQ(allocations, 0);
-  EXPECT_GT(taken, 10000U);
-  EXPECT_GT(history.counts().made_up, 0);
-  EXPECT_GT(history.degraded().size(), 10U);
-
-  std::vector<ContactEvent> single;
-  for (int i = 0; i < 1000; ++i) {
-    single.push_back({static_cast<double>(i), 0, ContactEventKind::pulse});
-  }
-  EventHistory file(1, 2000);
-  file.restart(0, 0, no_horizon);
-  EXPECT_EQ(allocations_of([&] {
-              for (const ContactEvent& event : single) (void)file.add(event);
-            }),
-            0);
-  EXPECT_EQ(file.events(), single);
 }
 
 // More masters than the tracker remembers, and duplicated, reordered and old messages.
@@ -144,36 +111,6 @@ TEST(Messages, AllocateOnlyTheFirstTime) {
     EXPECT_EQ(bytes, 10001 * before);
     EXPECT_EQ(estimate_back.tick, 9999);
   }
-}
-
-TEST(SpscQueue, PassesValuesInPlace) {
-  struct Value {
-    std::vector<double> data;
-    ContactMessage report;
-  };
-  SpscQueue<Value> queue(8, Value{std::vector<double>(100), {}});
-  const std::vector<double> data(100, 1.0);
-  double sum = 0.0;
-  int full = 0;
-  CountAllocations counting;
-  for (int i = 0; i < 50000; ++i) {
-    if (Value* slot = queue.free_slot()) {
-      slot->data = data;
-      slot->report.sequence = i;
-      queue.push();
-    } else {
-      ++full;
-    }
-    if (i % 11 == 0) continue;
-    if (const Value* value = queue.front()) {
-      sum += value->data[99];
-      queue.pop();
-    }
-  }
-  const long allocations = counting.stop();
-  EXPECT_EQ(allocations, 0);
-  EXPECT_GT(full, 100);
-  EXPECT_GT(sum, 40000.0);
 }
 
 }  // namespace
