@@ -11,7 +11,6 @@
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
-#include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "tests/support/by_speed.h"
 #include "tests/support/random.h"
@@ -103,46 +102,6 @@ TEST_P(FamilyFlightOfScenes, DerivativesMatchDifferenceQuotients) {
     of_c += by_c_later.col(k);
     SCOPED_TRACE(unknowns[static_cast<std::size_t>(k)].key);
     expect_same(of_c, difference(no_x, Eigen::VectorXd::Unit(P, k), 0.0));
-  }
-}
-
-// A sustained contact, between the end of a chatter and the next opening.
-TEST(FamilyFlight, HoldsContactLikeMachine) {
-  for (const char* name : {"paper_beam_chatter", "two_stops_beam", "steel_ruler",
-                           "paper_beam_chatter@", "two_stops_beam@"}) {
-    SCOPED_TRACE(name);
-    const Scene scene = scene_of(name);
-    const std::vector<Parameter> unknowns = unknowns_of_flight(scene);
-    FamilyFlight flight(scene, unknowns), moved(scene, unknowns);
-    const Eigen::VectorXd c = Eigen::VectorXd::Zero(flight.unknowns());
-    const std::vector<ContactEvent> events = test::events_of(scene, 20.0);
-    const auto closing = std::find_if(events.begin(), events.end(), [](const ContactEvent& event) {
-      return event.kind == ContactEventKind::closes;
-    });
-    ASSERT_NE(closing, events.end());
-    const double opens = std::next(closing) == events.end() ? 20.0 : std::next(closing)->t;
-    Master master(scene.model, scene.truth.start);
-    std::vector<ContactEvent> passed;
-    const auto state_at = [&](double t) {
-      master.advance(at(t), passed);
-      Eigen::VectorXd q(flight.n()), u(flight.n()), x(2 * flight.n());
-      master.state(at(t), q, u);
-      flight.enter(q, u, t, x);
-      return x;
-    };
-    const double from = closing->t + 0.1 * (opens - closing->t);
-    const double to = closing->t + 0.9 * (opens - closing->t);
-    const Eigen::VectorXd start = state_at(from), end = state_at(to);
-    flight.set(c, true);
-    flight.fly(start, from, to - from, bit(closing->contact));
-    EXPECT_LT((flight.x() - end).norm(), 1e-10 * end.norm()) << flight.x().transpose();
-    // Differences of states.
-    Eigen::VectorXd dx = Eigen::VectorXd::LinSpaced(start.size(), 0.5, 1.0) * start.norm();
-    moved.set(c, false);
-    moved.fly(start + 1e-3 * dx, from, to - from, bit(closing->contact));
-    const Eigen::VectorXd difference = (moved.x() - flight.x()) / 1e-3;
-    flight.carry(dx);
-    EXPECT_LT((dx - difference).norm(), 1e-8 * difference.norm());
   }
 }
 

@@ -221,7 +221,8 @@ class ImpactsOfJitteringEvents : public testing::TestWithParam<ImpactTrial> {};
 // rows of runs on one orbit share their errors, and chaotic orbits differ in their near impacts.
 TEST_P(ImpactsOfJitteringEvents, AreCalibrated) {
   const ImpactTrial& of = GetParam();
-  constexpr int starts = 10, runs_each = 10;
+  const int starts = std::max(long_repetitions(10), 3);
+  constexpr int runs_each = 10;
   const double end = 15.0;
   double squares[5] = {};
   int rows = 0, releases = 0;

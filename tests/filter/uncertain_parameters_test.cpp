@@ -13,7 +13,6 @@
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
-#include "sprag/observer.h"
 #include "sprag/smoother.h"
 #include "tests/support/claims.h"
 #include "tests/support/rattle.h"
@@ -379,19 +378,6 @@ TEST(UncertainParametersOf, LateReportsChangeNothing) {
   const std::vector<double> at_once = settled(false);
   EXPECT_GT(at_once.size(), 5000U);
   EXPECT_EQ(settled(true), at_once);
-}
-
-// The library's observer uses the uncertainty.
-TEST(UncertainParametersOf, TheLibrarysObserver) {
-  Random random(25);
-  Scene scene = random_rattle(random, 1, 1e-3);
-  scene.prior.jitter = 1e-4;
-  const Drawn drawn = draw(scene, random, 10.0);
-  const ObserverSettings settings{drawn.h, EstimatorKind::both};
-  const Estimates estimates = sprag::observe(scene, drawn.events, 10.0, settings);
-  ASSERT_EQ(estimates.keys, scene.prior.parameters.keys);
-  EXPECT_LT(estimates.sigma_parameters.bottomRows(1)(0, 0), 0.7 * scene.prior.parameters.sigma[0]);
-  EXPECT_TRUE(estimates.sigma_q.allFinite());
 }
 
 // Impact records claim sigma of the time of an impact and of its velocities.

@@ -8,14 +8,12 @@
 #include <cmath>
 #include <cstdint>
 #include <span>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scale.h"
-#include "sprag/scene_file.h"
 #include "tests/support/random_model.h"
 #include "tests/support/run.h"
 #include "tests/support/tracking_estimators.h"
@@ -180,32 +178,6 @@ TEST_P(RandomInOtherUnits, AreTheSameBitForBit) {
 
 INSTANTIATE_TEST_SUITE_P(All, RandomInOtherUnits, testing::Range<std::size_t>(0, structures.size()),
                          [](const auto& of) { return std::string(structure_names[of.param]); });
-
-// An oscillator of 1e8 rad per unit of time against a stop, read from a scene without chatter_time.
-// It hits the stop at full speed and bounces, like one of 1 rad.
-TEST(Units, FastOscillatorBouncesLikeSlowOne) {
-  const auto text = [](double w) {
-    std::ostringstream out;
-    out.precision(17);
-    out << "[system]\nM = [[1.0]]\nC = [[0.0]]\nK = [[" << w * w
-        << "]]\n[impact]\nrestitution = 0.5\n[[contact]]\ndirection = [1.0]\nclearance = 0.1\n"
-           "[master]\nq = [0.5]\n";
-    return out.str();
-  };
-  const auto events_of = [&](double w) {
-    const Scene scene = parse_scene(text(w), "x.toml");
-    return test::events_of(scene, 30.0 / w);
-  };
-  const double w = 0x1p27;
-  const auto slow = events_of(1.0);
-  const auto fast = events_of(w);
-  ASSERT_GT(slow.size(), 5U);
-  ASSERT_EQ(slow.size(), fast.size());
-  for (std::size_t i = 0; i < slow.size(); ++i) {
-    EXPECT_EQ(slow[i].t, w * fast[i].t);
-    EXPECT_EQ(slow[i].kind, fast[i].kind);
-  }
-}
 
 }  // namespace
 }  // namespace sprag
