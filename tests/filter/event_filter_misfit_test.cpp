@@ -64,7 +64,7 @@ TEST(EventFilter, InflatesTooNarrowPrior) {
     std::mt19937_64 engine(1);
     std::normal_distribution<double> normal;
     int machines = 0, found = 0, wrong = 0;
-    for (int i = 0; i < repetitions(24); ++i) {
+    for (int i = 0; i < long_repetitions(48); ++i) {
       Scene scene = drawn_scene(random);
       const Eigen::Index f = scene.model.coordinates();
       scene.prior.sigma =
@@ -85,7 +85,7 @@ TEST(EventFilter, InflatesTooNarrowPrior) {
               << wrong << " with a wrong claim\n";
     EXPECT_GT(machines, 0);
     EXPECT_GE(found, jitter > 0.0 ? machines - machines / 10 : machines);
-    // One of 24 machines, with 43 impacts and an error growth by 10^4, is off by 6 sigma.
+    // One of these machines, with 43 impacts and an error growth by 10^4, is off by 6 sigma.
     EXPECT_LE(wrong, 1);
   }
 }

@@ -1,5 +1,5 @@
-// Would catch a filter that does not converge within a few events per unknown, drifts away
-// over very many events, or decides simultaneous impacts wrongly.
+// Would catch a filter that does not converge within a few events per unknown, depends on the order
+// of arrival, or loses positive definiteness.
 #include "sprag/detail/filter/event_filter.h"
 
 #include <gtest/gtest.h>
@@ -7,9 +7,14 @@
 #include <algorithm>
 #include <cmath>
 #include <iostream>
+#include <limits>
+#include <map>
 #include <random>
+#include <vector>
 
 #include "sprag/detail/estimates/uncertainty.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/detail/replica/replica.h"
 #include "sprag/energy.h"
 #include "sprag/scene_file.h"
 #include "tests/support/pursuit.h"
@@ -19,6 +24,15 @@
 
 namespace sprag {
 namespace {
+
+// Mean square of the errors over their claimed deviations; NaN where none are claimed.
+double mean_square(Pursuit& run, Eigen::VectorXd& sigma_q, Eigen::VectorXd& sigma_u,
+                   Eigen::VectorXd& sigma_g) {
+  deviations(run.filter, run.state, sigma_q, sigma_u, sigma_g);
+  if (!sigma_q.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+  return 0.5 * (((run.mean.q - run.truth.q).array() / sigma_q.array()).square().mean() +
+                ((run.mean.u - run.truth.u).array() / sigma_u.array()).square().mean());
+}
 
 // 2 f unknowns, one equation per impact: that many impacts suffice on the paper's beam, three times
 // as many elsewhere.
@@ -73,22 +87,107 @@ TEST(EventFilter, ContactClosedAtStartIsMeasurement) {
   }
 }
 
-// Tens of thousands of events, a million in a thorough run: with exact times the error stays at the
-// rounding level.
-TEST(EventFilter, StaysExactForVeryManyEvents) {
+// The claimed sigma matches the errors, with jittered event times: after a few impacts and after
+// dozens.
+TEST(EventFilter, IsCalibrated) {
   const Scene& scene = cached_scene("paper_beam.toml");
-  Pursuit run(scene, 0.1);
-  const int enough = thorough() ? 1000000 : repetitions(25000);
-  double worst = 0.0;
-  while (run.impacts < enough) {
-    const double V = run.tick();
-    if (run.impacts > 100) worst = std::max(worst, V);
+  const Eigen::Index f = scene.model.coordinates();
+  const int runs = repetitions(1000);
+  std::vector<double> sigmas{1e-4};
+  if (thorough()) sigmas.push_back(1e-5);
+  for (const double sigma : sigmas) {
+    std::mt19937_64 engine(7);
+    std::normal_distribution<double> normal;
+    constexpr double of_q = 2e-3;
+    constexpr double of_u = 5e-3;
+    std::map<int, double> sums{{4, 0.0}, {8, 0.0}, {20, 0.0}};
+    for (int i = 0; i < runs; ++i) {
+      Scene start = scene;
+      for (Eigen::Index k = 0; k < f; ++k) {
+        start.prior.start.q[k] = start.truth.start.q[k] + of_q * normal(engine);
+        start.prior.start.u[k] = start.truth.start.u[k] + of_u * normal(engine);
+      }
+      start.prior.jitter = sigma;
+      start.prior.sigma =
+          State{Eigen::VectorXd::Constant(f, of_q), Eigen::VectorXd::Constant(f, of_u)};
+      Pursuit run(start, 0.1);
+      for (int k = 1; k <= 200; ++k) {
+        run.tick([&](std::vector<ContactEvent>& events) {
+          for (ContactEvent& event : events) event.t += sigma * normal(engine);
+        });
+        const auto sum = sums.find(k / 10);
+        if (k % 10 != 0 || sum == sums.end()) continue;
+        Eigen::VectorXd error(2 * f);
+        error << run.truth.q - run.mean.q, run.truth.u - run.mean.u;
+        sum->second +=
+            error.dot(CholeskyFactor(covariance(run.filter, run.state)).solve(error).col(0));
+      }
+    }
+    for (const auto& [t, sum] : sums) {
+      const double ratio = sum / runs / static_cast<double>(2 * f);
+      std::cout << "seed 7, sigma " << sigma << ", t " << t << ": chi^2 / 2f = " << ratio << '\n';
+      EXPECT_NEAR(ratio, 1.0, sanitized ? 0.4 : 0.05);
+    }
   }
-  std::cout << "largest V " << worst << " in " << run.impacts << " events\n";
-  EXPECT_EQ(run.state.inconsistencies, 0);
-  // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart. The filter assumes an
-  // error of event times of 16 times that spacing.
-  EXPECT_LT(worst, 1e-14);
+}
+
+// Tens of thousands of events, a million in a thorough run. With exact times the error stays at the
+// rounding level. With jitter it is within the claimed deviations but for rare ticks, mostly after
+// a chatter within the jitter; ticks near an event are left out, since the event may or may not
+// have happened.
+TEST(EventFilter, StaysPositiveDefiniteForVeryManyEvents) {
+  Scene scene = cached_scene("paper_beam.toml");
+  const Eigen::Index f = scene.model.coordinates();
+  Eigen::VectorXd sigma_q(f), sigma_u(f), sigma_g(scene.model.contacts.size());
+  for (const double sigma : {0.0, 1e-3}) {
+    scene.prior.jitter = sigma;
+    Pursuit run(scene, 0.1);
+    const int enough = sigma == 0.0 && thorough() ? 1000000 : long_repetitions(100000);
+    double last_event = 0.0;
+    double V = 0.0;
+    double smallest = std::numeric_limits<double>::infinity();
+    double worst = 0.0;
+    int ticks = 0, unknown = 0, far_off = 0;
+    int next_look = 0;
+    std::mt19937_64 engine(23);
+    std::normal_distribution<double> normal;
+    while (run.impacts < enough) {
+      const double before = V;
+      const double square_before = sigma > 0.0 ? mean_square(run, sigma_q, sigma_u, sigma_g) : 0.0;
+      const double t = tick_instant(run.k_, 0.1).hi;
+      bool near = t - last_event < 6.0 * sigma;
+      V = run.tick([&](std::vector<ContactEvent>& events) {
+        for (ContactEvent& event : events) {
+          last_event = event.t += sigma * normal(engine);
+          near = near || last_event - t < 6.0 * sigma;
+        }
+      });
+      if (run.impacts > 100 && !near) {
+        worst = std::max(worst, before);
+        ++ticks;
+        unknown += std::isnan(square_before) ? 1 : 0;
+        far_off += square_before > 10.0 ? 1 : 0;
+      }
+      if (run.impacts < next_look) continue;
+      next_look = run.impacts + 997;
+      const Eigen::MatrixXd P = covariance(run.filter, run.state);
+      ASSERT_TRUE(P.allFinite());
+      const Eigen::VectorXd values = eigenvalues(P);
+      smallest = std::min(smallest, values[0] / values[5]);
+      ASSERT_GE(values[0], -1e-15 * values[5]);
+    }
+    std::cout << "sigma " << sigma << ": smallest eigenvalue over largest " << smallest
+              << ", largest V " << worst << " in " << run.impacts << " events, "
+              << run.state.inconsistencies << " silences; of " << ticks << " ticks " << unknown
+              << " unknown, " << far_off << " far off\n";
+    // At the end of a thorough run t is 6e5, where doubles are 1e-10 apart. The filter assumes an
+    // error of event times of 16 times that spacing.
+    if (sigma == 0.0) {
+      EXPECT_LT(worst, 1e-14);
+    }
+    EXPECT_LT(far_off, 3e-3 * ticks);
+    EXPECT_LT(unknown, 3e-3 * ticks);
+  }
 }
 
 // With 60 modes the prior allows the fast ones the same energy as the others, but the beam has

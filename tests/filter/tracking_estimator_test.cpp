@@ -349,5 +349,42 @@ TEST(TrackingEstimator, ReportsUnobservableScaleOfUnforcedMachine) {
   EXPECT_TRUE(last_confidence(scene).from_filter) << "a clearance is a length to compare with";
 }
 
+// In a time line: late events, one by one, and rollbacks without a late event.
+TEST(TrackingEstimator, RollbacksDoNotChangeEstimates) {
+  const Scene& scene = cached_scene("paper_beam.toml");
+  std::mt19937_64 engine(3);
+  auto events = jittered(master_events(scene, 30.0), 1e-3, engine);
+  events.insert(events.begin() + 20,
+                {0.5 * (events[19].t + events[20].t), 0, ContactEventKind::pulse});
+  Scene given = scene;
+  given.prior.jitter = 1e-3;
+  const auto run = [&](bool late) {
+    BothEstimator filter(given, tick_of_both);
+    std::pair<Recording, std::vector<Confidence>> settled;
+    Confidence confidence = filter.no_confidence();
+    run_time_line(filter, given, events, 30.0, late, [&](const auto& state) {
+      settled.first.add(filter, state, 3);
+      filter.confidence(state, confidence);
+      settled.second.push_back(confidence);
+    });
+    return settled;
+  };
+  const auto once = run(false);
+  const auto again = run(true);
+  EXPECT_EQ(once.first.ticks.size(), 3001U);
+  EXPECT_EQ(difference(once.first, again.first), "");
+  for (std::size_t i = 0; i < once.second.size(); ++i) {
+    const Confidence &a = once.second[i], &b = again.second[i];
+    ASSERT_TRUE(same_bits(a.sigma_q, b.sigma_q) && same_bits(a.sigma_u, b.sigma_u)) << i;
+    ASSERT_TRUE(same_bits(a.sigma_g, b.sigma_g)) << i;
+    ASSERT_EQ(a.bound, b.bound) << i;
+    ASSERT_EQ(a.replica.gap, b.replica.gap) << i;
+    ASSERT_EQ(a.filter.gap, b.filter.gap) << i;
+    ASSERT_EQ(a.from_filter, b.from_filter) << i;
+    ASSERT_EQ(a.inconsistencies, b.inconsistencies) << i;
+  }
+  EXPECT_GE(once.second.back().inconsistencies, 1);
+}
+
 }  // namespace
 }  // namespace sprag
