@@ -136,32 +136,6 @@ class ListenProgramTest : public test::ProgramTest {
     return process;
   }
 
-  void use_streamed_scene() {
-    scene_ = path("streamed.toml");
-    write_text(scene_, streamed_scene());
-  }
-
-  /// Starts an observer of scene_ with these options and --states, which waits for a master.
-  Process& start_observer(const Arguments& options) {
-    observer_options_ = options;
-    Process& observer =
-        start(Arguments{OBSERVER, scene_, "--url", url_, "--states", path("live.csv")} + options);
-    wait_for(observer, "waiting for a master");
-    return observer;
-  }
-
-  /// The states of that observer, which equal those of a replay of the recording bit for bit.
-  std::string replayed_states(Process& observer) {
-    EXPECT_EQ(observer.wait(patience), 0) << observer.err();
-    Process& offline = start(Arguments{OBSERVER, scene_, "--replay", path("run.lcmlog"), "--states",
-                                       path("replay.csv")} +
-                             observer_options_);
-    EXPECT_EQ(offline.wait(patience), 0) << offline.err();
-    std::string states = read_text(directory_ / "live.csv");
-    EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
-    return states;
-  }
-
   /// A pseudo-terminal to which path("tty") leads.
   Wire open_terminal() {
     const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -233,7 +207,6 @@ class ListenProgramTest : public test::ProgramTest {
   std::string scene_ = SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml";
   std::string url_ = test::udp_url();
   std::vector<std::unique_ptr<Process>> processes_;
-  Arguments observer_options_;
 };
 
 /// Edges of two contacts, 100 us apart, as a device prints them whose counter wraps at 2^32 us.
@@ -304,25 +277,6 @@ TEST_F(ListenProgramTest, TenThousandEdgesASecondAreAllPublished) {
   EXPECT_EQ(process.err().find('\x1b'), std::string::npos) << "control characters of a line";
 }
 
-TEST_F(ListenProgramTest, ARestartOfAnUnpacedDeviceIsTwoRunsOfAReplay) {
-  Wire wire;
-  Process& process = start_at_pipe({"--speed", "max", "--pulse-shorter-than", "0.003"}, wire);
-  wire.send("1,1,1\n1.001,1,0\n2,1,1\n2.001,1,0\n0.5,1,1\n0.501,1,0\n");
-  wire.hang_up();
-  EXPECT_EQ(process.wait(patience), 0) << process.err();
-  EXPECT_NE(process.err().find("was restarted"), std::string::npos);
-  EXPECT_EQ(report()["sessions"], 2);
-  EXPECT_EQ(read_log(directory_ / "run.lcmlog").sessions.size(), 2U);
-  Process& replay = start({OBSERVER, scene_, "--replay", path("run.lcmlog"), "--events",
-                           path("events.csv"), "--report", path("replay.json")});
-  EXPECT_EQ(replay.wait(patience), 0) << replay.err();
-  EXPECT_EQ(read_text(directory_ / "events.csv"),
-            "t,contact,closed\n1,1,1\n1,1,0\n2,1,1\n2,1,0\n0.5,1,1\n0.5,1,0\n");
-  const auto replayed = nlohmann::json::parse(read_text(directory_ / "replay.json"));
-  EXPECT_EQ(replayed["messages"]["sessions"], 2);
-  EXPECT_EQ(replayed["messages"]["of_other_masters"], 0);
-}
-
 TEST_F(ListenProgramTest, ASerialPortThatWasGoneIsOpenedAgain) {
   Wire wire;
   Process& process = start_at_terminal({"--duration", "7.1", "--latency", "60"}, wire);
@@ -387,20 +341,11 @@ TEST_F(ListenProgramTest, MessagesAreSignedAndRecordedWithTheirTags) {
   wire.hang_up();
   EXPECT_EQ(process.wait(patience), 0) << process.err();
   EXPECT_EQ(read_log(directory_ / "run.lcmlog", Key(key)).sessions[0].size(), 2U);
+  // The observer with this key accepts the tags.
   const Ended ended = run(OBSERVER, {scene_, "--replay", path("run.lcmlog"), "--key", key,
                                      "--events", path("events.csv"), "--tick", "0.5"});
   EXPECT_EQ(ended.code, 0) << ended.err;
   EXPECT_EQ(read_text(directory_ / "events.csv"), "t,contact,closed\n1,1,1\n2,1,0\n");
-  // Without this key there is nothing to replay.
-  write_text(path("other"), std::string(64, '7') + "\n");
-  for (const Arguments& other : {Arguments{}, Arguments{"--key", path("other")}}) {
-    EXPECT_EQ(run(OBSERVER, Arguments{scene_, "--replay", path("run.lcmlog"), "--events",
-                                      path("events.csv")} +
-                                other)
-                  .code,
-              0);
-    EXPECT_EQ(read_text(directory_ / "events.csv"), "t,contact,closed\n");
-  }
 }
 
 /// Rows of a data logger: time, level, acceleration. The times of samples are those of the record;
@@ -435,14 +380,20 @@ std::vector<std::pair<double, std::string>> logger_rows(const std::vector<Contac
 
 // The excitation of the machine is known from the rows only, not from the record.
 TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachine) {
-  use_streamed_scene();
+  scene_ = write_text(path("streamed.toml"), streamed_scene());
   const Ended simulated =
       run(MASTER_SIM, {scene_, "--duration", "6", "--speed", "max", "--no-lcm", "--tick", "0.005",
                        "--events", path("machine.csv"), "--states", path("true.csv")});
   ASSERT_EQ(simulated.code, 0) << simulated.err;
   const auto rows = logger_rows(read_events(directory_ / "machine.csv", 1).events,
                                 read_text(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv"));
-  Process& observer = start_observer({"--duration", "5.9", "--tick", "0.005"});
+  const auto observe = [&](const Arguments& source, const std::string& states) -> Process& {
+    return start(Arguments{OBSERVER, scene_, "--duration", "5.9", "--tick", "0.005", "--states",
+                           path(states)} +
+                 source);
+  };
+  Process& observer = observe({"--url", url_}, "live.csv");
+  wait_for(observer, "waiting for a master");
   Wire wire;
   Process& process =
       start_at_pipe({"--speed", "4", "--latency", "60", "--columns", "time,hit,ax", "--level",
@@ -455,7 +406,11 @@ TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachin
   }
   wire.hang_up();
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const std::string states = replayed_states(observer);
+  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
+  Process& offline = observe({"--replay", path("run.lcmlog")}, "replay.csv");
+  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
+  const std::string states = read_text(directory_ / "live.csv");
+  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
   EXPECT_EQ(std::ranges::count(states, '\n'), 1182);
   StatesReader estimate(directory_ / "live.csv"), truth(directory_ / "true.csv");
   StateRow a, b;
