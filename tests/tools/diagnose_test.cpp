@@ -14,6 +14,7 @@
 #include "sprag/detail/parameters/scene_with.h"
 #include "sprag/detail/text/diagnosis_text.h"
 #include "sprag/scene_file.h"
+#include "tests/support/jitter.h"
 #include "tests/support/random.h"
 #include "tests/support/repetitions.h"
 #include "tests/support/run.h"
@@ -32,13 +33,7 @@ Scene changed(const Scene& scene, const std::string& key, double value) {
 std::vector<ContactEvent> jittered(std::vector<ContactEvent> events, double sigma,
                                    std::uint64_t seed) {
   std::mt19937_64 engine(seed);
-  std::normal_distribution<double> normal;
-  double last = 0.0;
-  for (ContactEvent& event : events) {
-    event.t = std::max(last, event.t + sigma * normal(engine));
-    last = event.t;
-  }
-  return events;
+  return test::jittered(std::move(events), sigma, engine);
 }
 
 struct Mismatch {
@@ -144,10 +139,7 @@ TEST(Diagnose, TheRightModelFits) {
 // The scene is right, but an event of its machine was lost.
 TEST(Diagnose, LostEventIsReported) {
   const Scene scene = shipped_scene("paper_beam");
-  auto events = events_of(scene, 40.0);
-  std::mt19937 random(3);
-  std::normal_distribution<double> jitter(0.0, 1e-5);
-  for (ContactEvent& event : events) event.t += jitter(random);
+  auto events = jittered(events_of(scene, 40.0), 1e-5, 3);
   const std::size_t lost = events.size() / 2;
   const double t = events[lost].t;
   events.erase(events.begin() + static_cast<std::ptrdiff_t>(lost));
@@ -462,12 +454,6 @@ TEST(Diagnose, RateOfABallsClockIsNotDetermined) {
       EXPECT_FALSE(candidate.determined);
     }
   }
-}
-
-TEST(Diagnose, TooFewEventsGiveNoDiagnosis) {
-  const Scene scene = shipped_scene("paper_beam");
-  EXPECT_THROW(diagnose(scene, {}, {.jitter = 0.0}), TooFewEvents);
-  EXPECT_THROW(diagnose(scene, events_of(scene, 3.0), {.jitter = 0.0}), TooFewEvents);
 }
 
 }  // namespace

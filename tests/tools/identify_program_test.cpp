@@ -240,19 +240,6 @@ TEST_F(IdentifyProgramTest, AShakenFrameAndItsFiles) {
   EXPECT_EQ(text.find("K.csv"), std::string::npos) << text;
 }
 
-TEST_F(IdentifyProgramTest, ALogAndAJitter) {
-  const auto events =
-      read_events(events_of(read_text(scene_file("paper_beam")), 60.0, 1e-4), 1).events;
-  write_contact_log(path("run.lcmlog"), events, 1, 60.0, std::nullopt);
-  const Ended found = identify({path("run.lcmlog"), scene_file("paper_beam"), "--within", "0.1",
-                                "--json", "--output", path("fitted.toml")});
-  ASSERT_EQ(found.code, 0) << found.err;
-  const auto json = nlohmann::json::parse(found.out);
-  EXPECT_NEAR(json["jitter"].get<double>(), 1e-4, 3e-5);
-  EXPECT_EQ(json["jitter_told"], false);
-  EXPECT_NEAR(read_scene(path("fitted.toml")).prior.jitter, 1e-4, 3e-5);
-}
-
 // Events after the loss count like those before it.
 TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
   const std::string beam = scene_file("paper_beam");
