@@ -1,4 +1,4 @@
-// Consistency of the reports of identify and diagnose on random records: headline, text, table,
+// Consistency of the reports of identify on random records: headline, text, table,
 // JSON, exit code and the written scene must agree.
 #include <gtest/gtest.h>
 
@@ -6,7 +6,6 @@
 #include <cstdio>
 #include <iostream>
 #include <nlohmann/json.hpp>
-#include <random>
 #include <sstream>
 
 #include "sprag/detail/files/events_writer.h"
@@ -14,24 +13,14 @@
 #include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/scene_file.h"
 #include "tests/support/program_test.h"
+#include "tests/support/random.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/run.h"
 
 namespace sprag {
 namespace {
 
 using nlohmann::json;
-
-class DrawnValues {
- public:
-  explicit DrawnValues(unsigned seed) : engine_(seed) {}
-  double uniform(double low, double high) {
-    return std::uniform_real_distribution<double>(low, high)(engine_);
-  }
-  double normal() { return std::normal_distribution<double>()(engine_); }
-
- private:
-  std::mt19937_64 engine_;
-};
 
 std::string digits(double value) {
   char buffer[32];
@@ -46,10 +35,9 @@ struct DrawnRecord {
   double duration;
   std::size_t most;           ///< events
   double jitter;              ///< of the times
-  double given_jitter = 0.0;  ///< to both programs; 0: none
+  double given_jitter = 0.0;  ///< to the program; 0: none
   test::Arguments of_identify = {};
   int lost = 0, spurious = 0;
-  double clock = 1.0;  ///< factor on the times
 };
 
 std::string ball_text(double drag, double restitution, const std::string& more = "") {
@@ -83,7 +71,7 @@ std::string text_without_scale(double k, double restitution) {
          "\n[[contact]]\ndirection = [1.0]\n[master]\nq = [0.2]\n[replica]\n";
 }
 
-std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
+std::vector<DrawnRecord> drawn_records(Random& draw) {
   using test::Arguments;
   const double e = draw.uniform(0.85, 0.95), drag = draw.uniform(0.08, 0.2);
   const std::string right = ball_text(drag, e), near = ball_text(1.1 * drag, 0.98 * e);
@@ -102,28 +90,18 @@ std::vector<DrawnRecord> drawn_records(DrawnValues& draw) {
                            const Arguments& more) {
     return DrawnRecord{kind, rattle, scene, 3.0, 60, jitter, 0.0, more};
   };
-  DrawnRecord fast = rattled("rattle, fast clock", rattle, 0.0,
-                             {"--known", "excitation.frequency", "--within", "0.05"});
-  fast.clock = 1.01;
   const std::string wrong = text_without_scale(1.02 * soft, 0.95);
   DrawnRecord free{"no scale", text_without_scale(soft, 0.95), wrong, 20.0, 20, 1e-4};
   free.of_identify = {"--free", "system.K"};
   return {ball("ball, right, exact", right, right, 0.0, 0.0),
-          ball("ball, near, exact", right, near, 0.0, 0.0),
           ball("ball, right, jitter", right, right, 3e-4, 3e-4),
           ball("ball, near, jitter not given", right, near, 3e-4, 0.0, both),
           ball("ball, right, one lost", right, right, 1e-4, 1e-4, {}, 1),
-          ball("ball, near, one lost", right, near, 1e-4, 0.0, both, 1),
           ball("ball, right, one spurious", right, right, 1e-4, 1e-4, both, 0, 1),
           ball("ball, jitter given too small", right, right, 2e-3, 1e-4, both),
           ball("ball, slight mistake", right, ball_text(drag, 1.0004 * e), 3e-4, 3e-4, both),
           ball("ball without drag", ball_text(0.0, e), ball_text(0.1, 0.98 * e), 5e-4, 5e-4,
                {"--free", "impact.restitution,system.C", "--within", "system.C=4"}, 0, 0, 16),
-          {"rattle, near, jitter", rattle, rattle_text(1.03 * k, 0.98 * r, 1.05 * c), 3.0, 90, 1e-5,
-           1e-5},
-          fast,
-          rattled("rattle, wrong restitution held", harder, 1e-5,
-                  {"--known", "impact.restitution", "--within", "0.05"}),
           rattled("rattle, accepted all the same", harder, 1e-5,
                   {"--free", "system.K", "--within", "0.05", "--accept"}),
           rattled("rattle, beyond the range", rattle_text(1.2 * k, r, c), 1e-5,
@@ -162,14 +140,14 @@ std::string row_of(const std::string& text, const std::string& name) {
 
 class ReportConsistencyTest : public test::ProgramTest {
  protected:
-  void write(const DrawnRecord& record, DrawnValues& draw) {
+  void write(const DrawnRecord& record, Random& draw) {
     test::write_text(path("scene.toml"), record.scene);
     auto events = test::events_of(parse_scene(record.machine, "machine.toml"), record.duration);
     if (events.size() > record.most) events.resize(record.most);
     for (int i = 0; i < record.lost; ++i) events.erase(events.begin() + 7 + 5 * i);
     double last = 0.0;
     for (ContactEvent& event : events) {
-      event.t = last = std::max(last, record.clock * event.t + record.jitter * draw.normal());
+      event.t = last = std::max(last, event.t + record.jitter * draw.normal());
     }
     for (int i = 0; i < record.spurious; ++i) {
       const auto after = events.begin() + 9 + 4 * i;
@@ -199,9 +177,6 @@ class ReportConsistencyTest : public test::ProgramTest {
   void check_parameters(const std::string& text);
   void check_causes(const std::string& text);
   void check_written(const Ended& ended);
-  void check_diagnose(const DrawnRecord& record);
-  void check_explanation(const std::string& text);
-  void check_both(const json& identified);
 
   json report_;
 };
@@ -342,7 +317,6 @@ void ReportConsistencyTest::check_written(const Ended& ended) {
   EXPECT_EQ(has(ended.err, "fitted.toml is not written: the events do not fit"), ended.code != 0);
   if (ended.code != 0) return;
   const Scene fitted = read_scene(path("fitted.toml"));
-  const Scene scene = read_scene(path("scene.toml"));
   const auto& listed = fitted.prior.parameters.keys;
   for (const auto& of : report_["parameters"]) {
     const std::string key = of["parameter"];
@@ -352,12 +326,8 @@ void ReportConsistencyTest::check_written(const Ended& ended) {
     EXPECT_EQ(is_listed, determined && of["sigma"].is_number());
     const double nominal = of["nominal"], value = determined ? of["value"].get<double>() : nominal;
     const double tolerance = determined ? 1e-9 * std::abs(value) + 1e-12 : 0.0;
-    if (key == "system.K") {
-      EXPECT_NEAR(fitted.model.K(0, 0), value * scene.model.K(0, 0),
-                  tolerance * scene.model.K(0, 0));
-    } else if (key == "system.C") {
-      EXPECT_NEAR(fitted.model.C(0, 0), value * scene.model.C(0, 0), tolerance);
-    } else if (quantity(key) != "phase") {
+    // A factor is 1 in the written scene.
+    if (!key.starts_with("system.") && quantity(key) != "phase") {
       EXPECT_NEAR(parameter_of(fitted, key).nominal, value, tolerance);
     }
   }
@@ -370,98 +340,13 @@ void ReportConsistencyTest::check_written(const Ended& ended) {
   EXPECT_EQ(count_of(mended, ",1,spurious\n"), static_cast<int>(report_["spurious"].size()));
 }
 
-void ReportConsistencyTest::check_diagnose(const DrawnRecord& record) {
-  const Ended ended = reported(DIAGNOSE, record, {});
-  SCOPED_TRACE("diagnose, " + record.kind + ":\n" + ended.out + ended.err);
-  if (ended.code == 1) {
-    EXPECT_TRUE(ended.out.empty());
-    EXPECT_FALSE(ended.err.empty());
-    return;
-  }
-  const std::string text = ended.out, headline = lines_of(text).at(0);
-  std::cout << "diagnose, " << record.kind << ": " << std::string(report_["verdict"]) << '\n';
-  const bool fits = report_["fits"];
-  const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
-  const bool explained = !report_["explanation"].is_null();
-  EXPECT_EQ(ended.code, fits ? 0 : 3);
-  EXPECT_EQ(report_["exit"], ended.code);
-  EXPECT_TRUE(headline.ends_with(": " + std::string(report_["verdict"])));
-  EXPECT_LE(fits + repaired + explained, 1);
-  EXPECT_EQ(headline.ends_with(": events fit the model"), fits);
-  EXPECT_EQ(has(headline, "otherwise the events fit the model"), repaired);
-  EXPECT_EQ(has(headline, "no single parameter explains"), !fits && !repaired && !explained);
-  EXPECT_EQ(has(text, "The model as it is predicts them"), fits);
-  EXPECT_FALSE(has(text, "nan"));
-  EXPECT_FALSE(has(text, "inf"));
-  EXPECT_EQ(count_of(text, "  lost: "), static_cast<int>(report_["missing"].size()));
-  EXPECT_EQ(count_of(text, "  spurious: "), static_cast<int>(report_["spurious"].size()));
-  EXPECT_EQ(count_of(text, " explains it as well"), static_cast<int>(report_["ties"].size()));
-  // A jitter that would explain the events is larger than their jitter.
-  if (has(headline, "event times with a jitter of")) {
-    EXPECT_GT(report_["scatter"].get<double>(), 1.01 * report_["jitter"].get<double>());
-  }
-  check_explanation(text);
-}
-
-// The named cause was tried, and has the same number in the headline and in the table.
-void ReportConsistencyTest::check_explanation(const std::string& text) {
-  std::vector<std::string> determined;
-  for (const auto& of : report_["parameters"]) {
-    const std::string name = of["parameter"], row = row_of(text, name);
-    ASSERT_FALSE(row.empty()) << name;
-    EXPECT_EQ(has(row, "not determined"), of["told"] == false) << row;
-    EXPECT_EQ(of.contains("value"), of["told"] == true);
-    if (of["told"] == true) determined.push_back(name);
-  }
-  const auto was_tried = [&](const std::string& name) {
-    return std::find(determined.begin(), determined.end(), name) != determined.end();
-  };
-  for (const auto& tie : report_["ties"]) {
-    EXPECT_TRUE(was_tried(tie)) << tie;
-    EXPECT_NE(tie, report_["explanation"]);
-  }
-  if (report_["explanation"].is_null()) {
-    EXPECT_TRUE(report_["ties"].empty());
-    return;
-  }
-  const std::string name = report_["explanation"];
-  EXPECT_TRUE(was_tried(name));
-  const auto& best = report_["parameters"].at(0);
-  EXPECT_EQ(best["parameter"], name);
-  char value[32];
-  const bool is_rate = name == "clock.rate";
-  std::snprintf(value, sizeof value, "%.*g", is_rate ? 8 : 6, best["value"].get<double>());
-  const std::string named = is_rate ? "(rate" : name;
-  EXPECT_TRUE(has(lines_of(text).at(0), named + " " + value + " instead of "));
-  EXPECT_TRUE(has(row_of(text, name), std::string(" ") + value + " +- "));
-}
-
-// diagnose's verdict on the unchanged scene, with the same jitter given to both.
-void ReportConsistencyTest::check_both(const json& identified) {
-  const bool repaired = !report_["missing"].empty() || !report_["spurious"].empty();
-  if (report_["fits"] == false && !repaired) return;
-  EXPECT_NE(identified["problem"], "wrong_model");
-  EXPECT_NE(identified["problem"], "no_convergence");
-  if (repaired) {
-    EXPECT_EQ(identified["missing"].size(), report_["missing"].size());
-    EXPECT_EQ(identified["spurious"].size(), report_["spurious"].size());
-  }
-  if (!identified.contains("simplest")) return;
-  ASSERT_FALSE(identified["simplest"].empty());
-  EXPECT_TRUE(identified["simplest"][0].empty());
-}
-
 TEST_F(ReportConsistencyTest, ReportsAreConsistent) {
   const unsigned seed = 49;
   std::cout << "seed " << seed << '\n';
-  DrawnValues draw(seed);
+  Random draw(seed);
   for (const DrawnRecord& record : drawn_records(draw)) {
     write(record, draw);
     check_identify(record);
-    const json identified = report_;
-    check_diagnose(record);
-    SCOPED_TRACE(record.kind + "\n" + identified.dump() + '\n' + report_.dump());
-    if (record.given_jitter > 0.0) check_both(identified);
   }
 }
 
