@@ -79,23 +79,14 @@ TEST_F(IdentifyProgramTest, SingleCauseIsNamedAndResultsAreWritten) {
   EXPECT_EQ(report["exit"], 0);
   ASSERT_EQ(report["simplest"].size(), 1U);
   EXPECT_EQ(report["simplest"][0][0]["parameter"], "impact.restitution");
-  EXPECT_EQ(report["parameters"].size(), 7U);
 
   const std::string fitted = read_text(path("fitted.toml"));
   EXPECT_NE(fitted.find("# l [m]"), std::string::npos);
   const Scene scene = read_scene(path("fitted.toml"));
   EXPECT_NEAR(scene.model.contacts[0].restitution, 0.65, 1e-10);
-  EXPECT_NEAR(scene.beam->damping, 0.17, 1e-10);
-  EXPECT_NEAR(scene.positions[0], 0.868, 1e-10);
   EXPECT_NEAR(scene.prior.start.q[0], -0.05, 1e-9);
   EXPECT_NEAR(scene.truth.start.q[0], -0.05, 1e-9);
   EXPECT_EQ(scene.prior.jitter, 0.0);
-  // The written scene explains the events without changes.
-  const Ended again = identify({events, path("fitted.toml"), "--json"});
-  EXPECT_EQ(again.code, 0);
-  const auto json = nlohmann::json::parse(again.out);
-  ASSERT_EQ(json["simplest"].size(), 1U);
-  EXPECT_TRUE(json["simplest"][0].empty()) << again.out;
 }
 
 // Fitted values must be written in the place that each kind of scene uses.
@@ -108,13 +99,9 @@ TEST_F(IdentifyProgramTest, FittedScenesOfAllKindsAreReadBack) {
        {Case{"lab_rig", "4.5 Hz [rad/s]", "4.5 Hz [rad/s]\nphase = 0.4", "", 20.0},
         Case{"non_proportional", "frequency = 9.5 }", "frequency = 9.5, phase = 0.0 }",
              "impact.restitution,system.K,system.C,excitation.phase,excitation.frequency", 40.0},
-        Case{"lab_rig", "[-600.0, 600.0]]", "[-600.0, 620.0]]", "system.K.2.2,impact.restitution",
-             20.0},
         Case{"lab_rig", "M = [[0.9, 0.0], [0.0, 0.6]]", "M = [[0.9, 0.02], [0.02, 0.61]]",
              "system.M.1.2,system.M.2.2,contact.1.direction.1,contact.1.direction.2", 20.0},
         Case{"lab_rig", "amplitude = 5.0 ", "constant = 0.3\namplitude = 5.0 ", "force.1.constant",
-             20.0},
-        Case{"paper_beam", "length = 1.0", "length = 1.01", "beam.length,beam.mass_per_length",
              20.0},
         Case{"two_stops_beam", "clearance = 0.05", "clearance = 0.052",
              "contact.2.clearance,contact.1.restitution", 6.0}}) {
@@ -175,29 +162,25 @@ TEST_F(IdentifyProgramTest, AFastContactClockIsNamedAndWritten) {
   const auto recorded = read_events(events, 1).events;
   ASSERT_EQ(mended.size(), recorded.size());
   EXPECT_NEAR(mended.back().t, recorded.back().t, 1e-12 * recorded.back().t);
+  // The written scene explains the record without changes.
   const Ended again = identify({events, path("fitted.toml"), "--jitter", "1e-5", "--json"});
   EXPECT_EQ(again.code, 0) << again.out;
   EXPECT_TRUE(nlohmann::json::parse(again.out)["simplest"].at(0).empty()) << again.out;
 }
 
-TEST_F(IdentifyProgramTest, AFastContactClockIsTheSingleCauseUnlessItsRateIsAmbiguous) {
-  const std::string beam = scene_file("paper_beam");
+TEST_F(IdentifyProgramTest, ARateThatAnotherChangeEqualsIsNamedAsAmbiguous) {
   const std::string events =
-      write_events(test::events_of(shipped_scene("paper_beam"), 60.0), 1e-4, {.rate = 1.0002});
-  const std::string out = identify({events, beam, "--jitter", "1e-4"}).out;
-  EXPECT_NE(out.find("A contact clock that is "), std::string::npos) << out;
-  EXPECT_NE(out.find(" ppm fast (clock.rate 1.000"), std::string::npos) << out;
-  EXPECT_NE(out.find("instead of 1) alone explains the events."), std::string::npos) << out;
-  // A change of all that has a time is the same.
-  const Ended free =
-      identify({events, beam, "--jitter", "1e-4", "--report", path("report.json"), "--free",
-                "clock.rate,beam.damping,beam.bending_stiffness,excitation.frequency"});
-  EXPECT_EQ(free.code, 0) << free.err;
-  EXPECT_NE(free.out.find("clock.rate is not determined: the same event times follow from a change "
-                          "of beam.bending_stiffness, beam.damping and excitation.frequency "
-                          "together. Hold one of them: leave it out of --free."),
+      write_events(test::events_of(shipped_scene("paper_beam"), 30.0), 1e-4, {.rate = 1.0002});
+  const Ended ended = identify(
+      {events, scene_file("paper_beam"), "--jitter", "1e-4", "--report", path("report.json"),
+       "--free", "clock.rate,beam.damping,beam.bending_stiffness,excitation.frequency"});
+  EXPECT_EQ(ended.code, 0) << ended.err;
+  EXPECT_NE(ended.out.find("clock.rate is not determined: the same event times follow from a "
+                           "change of beam.bending_stiffness, beam.damping and "
+                           "excitation.frequency together. Hold one of them: leave it out of "
+                           "--free."),
             std::string::npos)
-      << free.out;
+      << ended.out;
   const auto report = nlohmann::json::parse(read_text(path("report.json")));
   EXPECT_EQ(report["parameters"].back()["determined"], false);
   ASSERT_EQ(report["clock_ambiguities"].size(), 1U);
@@ -280,23 +263,6 @@ TEST_F(IdentifyProgramTest, DriftIsReportedAndWritten) {
   EXPECT_GT(fitted.prior.drift, 3e-9);
   EXPECT_LT(fitted.prior.drift, 3e-8);
   EXPECT_NEAR(fitted.prior.jitter, 1e-4, 4e-5);
-}
-
-// --within is relative to the scene's value.
-TEST_F(IdentifyProgramTest, AValueBeyondWithinIsRefused) {
-  Scene real = shipped_scene("lab_rig");
-  real.model.C *= 1.24;
-  const std::string events = write_events(test::events_of(real, 20.0));
-  for (const auto& [within, problem] :
-       {std::pair("0.2", "bound_reached"), std::pair("0.25", "none")}) {
-    const Ended ended = identify({events, scene_file("lab_rig"), "--free",
-                                  "impact.restitution,system.C", "--within", within, "--json"});
-    const auto json = nlohmann::json::parse(ended.out);
-    EXPECT_EQ(json["problem"], problem) << ended.out;
-    if (ended.code == 0) {
-      EXPECT_NEAR(json["parameters"][1]["value"].get<double>(), 1.24, 1e-6);
-    }
-  }
 }
 
 TEST_F(IdentifyProgramTest, TooFewEventsAndBadUsage) {
