@@ -122,27 +122,6 @@ TEST(PairingTest, DoubledAndLateSamplesGiveNoRow) {
   EXPECT_EQ(pairing.figures().rows, 1);
 }
 
-TEST(PairingTest, LostSamplesLoseOnlyTheirRows) {
-  Pairing pairing(two_masses());
-  std::vector<std::int64_t> ticks;
-  for (int k = 0; k < 100; ++k) {
-    if (k % 7 != 3) pairing.add_truth(truth(k, 0.1 * k));
-    if (k % 5 == 2) continue;
-    if (const SyncRow* row = pairing.add_estimate(estimate(k, 0.1 * k))) ticks.push_back(row->k);
-  }
-  std::vector<std::int64_t> expected;
-  for (int k = 0; k < 100; ++k)
-    if (k % 7 != 3 && k % 5 != 2) expected.push_back(k);
-  EXPECT_EQ(ticks, expected);
-  const SyncFigures& figures = pairing.figures();
-  EXPECT_EQ(
-      figures.rows + figures.unpaired_truth + static_cast<std::int64_t>(pairing.waiting_truth()),
-      86);
-  EXPECT_EQ(figures.rows + figures.unpaired_estimate +
-                static_cast<std::int64_t>(pairing.waiting_estimate()),
-            80);
-}
-
 TEST(PairingTest, NewSessionReplacesOldOne) {
   Pairing pairing(two_masses());
   pairing.add_truth(truth(50, 5.0, 0.0, 1));
@@ -460,16 +439,6 @@ TEST_F(LiveTest, PacketsThatTheKernelDropsAreALossOfTheRecording) {
   while (reader.next(record)) ++recorded;
   EXPECT_EQ(report()["overflowed"], 500 - recorded);
   EXPECT_LT(recorded, 500);
-}
-
-TEST_F(LiveTest, RecordOnFullDiskIsReportedAtOnceAndFails) {
-  start({"--record", "/dev/full"});
-  for (int k = 0; k < 5; ++k) publish_pair(k, 2.0);
-  EXPECT_TRUE(says("/dev/full: No space left on device: nothing more is written to it"));
-  EXPECT_EQ(end(SIGTERM), 1);
-  // The rows are complete.
-  EXPECT_EQ(read_rows(path("sync.csv")).size(), 5U);
-  EXPECT_EQ(report()["rows"], 5);
 }
 
 TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
