@@ -133,16 +133,6 @@ TEST(Scene, OmittedKeysTakeDefaults) {
   EXPECT_EQ(beam.prior.start.u, Eigen::Vector2d::Zero());
 }
 
-TEST(Scene, ContactsMayHaveTheirOwnRestitution) {
-  const std::string text =
-      std::string(beam_text) + "[[contact]]\nposition = 0.5\nrestitution = 1\n";
-  const Scene scene = parse(text);
-  ASSERT_EQ(scene.model.contacts.size(), 2U);
-  EXPECT_EQ(scene.model.contacts[0].restitution, 0.7);
-  EXPECT_EQ(scene.model.contacts[1].restitution, 1.0);
-  EXPECT_EQ(parse(replaced(text, "\"poisson\"", "\"newton\"")).model.law, ImpactLaw::newton);
-}
-
 TEST(ShippedScenes, PaperBeamAsPrintedStartsInsideWithTheSameEnergy) {
   const Scene scene = read_scene(shipped("paper_beam_as_printed"));
   EXPECT_TRUE(scene.truth.release_penetration);
