@@ -1,6 +1,5 @@
 // Invalid usage, invalid input and unsuitable hosts: exit codes and messages.
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <tuple>
 
@@ -164,7 +163,7 @@ TEST_F(UsageTest, OutputThatCannotBeWrittenAndAFullDiskAreFailures) {
            {"observer", {beam_, "--duration", "1", "--states", bad}},
            {"sync_logger", {beam_, "--csv", bad}},
            {"sync_logger", {beam_, "--csv", file("sync.csv"), "--record", bad}}}) {
-    const Ended ended = end_of(start(program, arguments), sanitized ? 20s : 3s);
+    const Ended ended = end_of(start(program, arguments));
     EXPECT_EQ(ended.code, 1) << program;
     EXPECT_NE(ended.err.find(bad), std::string::npos) << ended.err;
   }
@@ -261,13 +260,9 @@ TEST_F(UsageTest, MissingMulticastRouteIsReportedWithRemedy) {
   Process& probe = start_command({"unshare", "-rn", "true"});
   if (end_of(probe).code != 0) GTEST_SKIP() << "unshare -rn is not permitted here: " << probe.err();
   for (const std::string program : {MASTER_SIM, OBSERVER, SYNC_LOGGER}) {
-    const auto start = std::chrono::steady_clock::now();
-    Process& process =
-        start_command({"unshare", "-rn", program, beam_, "--url", url(), "--duration", "1"});
-    const Ended ended = end_of(process, sanitized ? 20s : 5s);
-    const auto wall = std::chrono::steady_clock::now() - start;
+    const Ended ended = end_of(
+        start_command({"unshare", "-rn", program, beam_, "--url", url(), "--duration", "1"}));
     EXPECT_EQ(ended.code, 1) << program;
-    EXPECT_LT(wall, sanitized ? 10s : 2s) << program;
     EXPECT_NE(ended.err.find("ip link set lo up\n"), std::string::npos) << ended.err;
     EXPECT_NE(ended.err.find("ip route add 224.0.0.0/4 dev lo"), std::string::npos) << ended.err;
   }
