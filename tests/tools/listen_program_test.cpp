@@ -1,5 +1,5 @@
-// listen as a process: a pipe, a pseudo-terminal and a socket, many edges, damaged lines, and
-// devices that leave and come back.
+// listen as a process: a pipe, a pseudo-terminal and a socket, many edges, damaged lines, devices
+// that restart and leave, and an observer that follows it.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -11,15 +11,19 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <sstream>
 #include <thread>
 
 #include "lcmtypes/bus.h"
 #include "lcmtypes/channel_log.h"
 #include "lcmtypes/contact_messages.h"
+#include "sprag/detail/files/states_file.h"
+#include "sprag/events_file.h"
 #include "tests/support/program_test.h"
 #include "tests/support/random.h"
 #include "tests/support/streamed_scene.h"
@@ -69,7 +73,7 @@ class Wire {
 
 struct Log {
   std::vector<std::vector<ContactEvent>> sessions;
-  std::map<std::int64_t, double> samples;
+  double horizon = -1.0;  // of the last message
 };
 
 /// The events of a log, by session. Each session ends before the next one begins.
@@ -80,14 +84,8 @@ Log read_log(const std::filesystem::path& file, const std::optional<Key>& key = 
   ChannelRecord record;
   ContactMessage message;
   while (reader.next(record)) {
-    std::span<const std::uint8_t> data(record.data);
-    if (InputMessage input; record.channel == input_channel) {
-      EXPECT_EQ(decode(data, input), Refusal::none);
-      for (std::int64_t k = input.first(); k < input.total; ++k)
-        result.samples[k] = input.sample(k);
-      continue;
-    }
     EXPECT_EQ(record.channel, contacts_channel);
+    std::span<const std::uint8_t> data(record.data);
     if (key) data = data.first(data.size() - Key::tag_size);
     EXPECT_EQ(decode(data, message), Refusal::none);
     auto found = std::ranges::find(known, message.session);
@@ -102,6 +100,7 @@ Log read_log(const std::filesystem::path& file, const std::optional<Key>& key = 
     EXPECT_LE(first, std::ssize(events)) << "events are missing between two messages";
     for (std::int64_t i = std::ssize(events); i < message.records_total; ++i)
       events.push_back(message.record[static_cast<std::size_t>(i - first)]);
+    result.horizon = message.horizon;
   }
   EXPECT_TRUE(reader.damages().empty());
   return result;
@@ -217,8 +216,7 @@ struct Stream {
   std::int64_t bad_lines = 0;
 };
 
-/// Some follow a damaged line.
-Stream many_edges(int count, std::uint64_t seed) {
+Stream many_edges(int count, bool damaged, std::uint64_t seed) {
   Random random(seed);
   Stream stream;
   std::uint64_t time = (std::uint64_t{1} << 32) - static_cast<std::uint64_t>(count) * 50;
@@ -229,13 +227,13 @@ Stream many_edges(int count, std::uint64_t seed) {
     level = 1 - level;
     const std::string line = std::to_string(time % (std::uint64_t{1} << 32)) + "," +
                              std::to_string(contact + 1) + "," + std::to_string(level);
-    if (random.chance(0.02)) {
+    if (damaged && random.chance(0.02)) {
       // A line that lost some bytes, and noise. The whole line follows.
       stream.bytes +=
           random.chance(0.5) ? line.substr(0, line.size() - 3) + "\n" : "\x1b[2J\xff\x80,\n";
       ++stream.bad_lines;
     }
-    stream.bytes += line + (random.chance(0.5) ? "\r\n" : "\n");
+    stream.bytes += line + (damaged && random.chance(0.5) ? "\r\n" : "\n");
     stream.events.push_back(
         {1e-6 * static_cast<double>(time), contact, level != 0 ? closes : opens});
   }
@@ -245,7 +243,7 @@ Stream many_edges(int count, std::uint64_t seed) {
 // 10 000 edges a second, torn at any byte, with CRLF, damaged lines and a counter that wraps.
 TEST_F(ListenProgramTest, TenThousandEdgesASecondAreAllPublished) {
   constexpr int count = 20000;
-  const Stream stream = many_edges(count, 7);
+  const Stream stream = many_edges(count, true, 7);
   Wire wire;
   char duration[32];
   std::snprintf(duration, sizeof duration, "%.17g", stream.events.back().t);
@@ -350,22 +348,81 @@ TEST_F(ListenProgramTest, MessagesAreSignedAndRecordedWithTheirTags) {
   EXPECT_EQ(read_text(directory_ / "events.csv"), "t,contact,closed\n1,1,1\n2,1,0\n");
 }
 
-TEST_F(ListenProgramTest, SamplesOfTheExcitationAreSentWithTheEdges) {
+/// Rows of a data logger: time, level, acceleration. The times of samples are those of the record;
+/// a row without an acceleration is an edge. A pulse opens again after 10 us, or before the next
+/// event.
+std::vector<std::pair<double, std::string>> logger_rows(const std::vector<ContactEvent>& events,
+                                                        const std::string& record) {
+  std::map<double, std::pair<int, std::string>> changes;  // level, or -1, and sample
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    const double t = events[i].t, next = i + 1 < events.size() ? events[i + 1].t : t + 1.0;
+    changes[t].first = events[i].kind == opens ? 0 : 1;
+    if (events[i].kind == pulse) changes[t + std::min(1e-5, 0.5 * (next - t))].first = 0;
+  }
+  std::istringstream samples(record);
+  std::string line;
+  std::getline(samples, line);
+  while (std::getline(samples, line)) {
+    const auto [at, is_new] = changes.try_emplace(std::stod(line), -1, "");
+    EXPECT_TRUE(is_new);
+    at->second.second = line.substr(line.find(',') + 1);
+  }
+  std::vector<std::pair<double, std::string>> rows;
+  int level = 0;
+  for (const auto& [t, change] : changes) {
+    if (change.first >= 0) level = change.first;
+    char start[40];
+    std::snprintf(start, sizeof start, "%.15f,%d,", t, level);
+    rows.emplace_back(t, start + change.second + "\n");
+  }
+  return rows;
+}
+
+// The excitation of the machine is known from the rows only, not from the record.
+TEST_F(ListenProgramTest, TheEstimateOfAShakenMachineEqualsItsReplayAndTheMachine) {
   scene_ = write_text(path("streamed.toml"), streamed_scene());
-  constexpr double g = 9.80665;  // the scene's unit
+  const Ended simulated =
+      run(MASTER_SIM, {scene_, "--duration", "6", "--speed", "max", "--no-lcm", "--tick", "0.005",
+                       "--events", path("machine.csv"), "--states", path("true.csv")});
+  ASSERT_EQ(simulated.code, 0) << simulated.err;
+  const auto rows = logger_rows(read_events(directory_ / "machine.csv", 1).events,
+                                read_text(SPRAG_SOURCE_DIR "/scenes/records/swept_base.csv"));
+  const auto observe = [&](const Arguments& source, const std::string& states) -> Process& {
+    return start(Arguments{OBSERVER, scene_, "--duration", "5.9", "--tick", "0.005", "--states",
+                           path(states)} +
+                 source);
+  };
+  Process& observer = observe({"--url", url_}, "live.csv");
+  wait_for(observer, "waiting for a master");
   Wire wire;
-  Process& process = start_at_pipe(
-      {"--speed", "max", "--columns", "time,hit,ax", "--level", "1=hit", "--input", "ax"}, wire);
-  wire.send("0,0,0.5\n0.002,0,-1.5\n0.003,1,\n0.004,1,2.5\n0.0045,0,\n");
+  Process& process =
+      start_at_pipe({"--speed", "4", "--latency", "60", "--columns", "time,hit,ax", "--level",
+                     "1=hit", "--input", "ax", "--pulse-shorter-than", "2e-5"},
+                    wire);
+  const auto began = std::chrono::steady_clock::now();
+  for (const auto& [t, row] : rows) {
+    std::this_thread::sleep_until(began + std::chrono::duration<double>(t / 4.0));
+    wire.send(row);
+  }
   wire.hang_up();
   EXPECT_EQ(process.wait(patience), 0) << process.err();
-  const Log recorded = read_log(directory_ / "run.lcmlog");
-  EXPECT_EQ(recorded.sessions,
-            (std::vector<std::vector<ContactEvent>>{{{0.003, 0, closes}, {0.0045, 0, opens}}}));
-  EXPECT_EQ(recorded.samples,
-            (std::map<std::int64_t, double>{{0, 0.5 * g}, {1, -1.5 * g}, {2, 2.5 * g}}));
-  EXPECT_EQ(report()["input"]["samples"], 3);
+  EXPECT_EQ(observer.wait(patience), 0) << observer.err();
+  Process& offline = observe({"--replay", path("run.lcmlog")}, "replay.csv");
+  EXPECT_EQ(offline.wait(patience), 0) << offline.err();
+  const std::string states = read_text(directory_ / "live.csv");
+  EXPECT_TRUE(states == read_text(directory_ / "replay.csv"));
+  EXPECT_EQ(std::ranges::count(states, '\n'), 1182);
+  StatesReader estimate(directory_ / "live.csv"), truth(directory_ / "true.csv");
+  StateRow a, b;
+  while (estimate.next(a) && truth.next(b)) {
+    if (a.t > 4.5) {
+      EXPECT_NEAR(a.q[0], b.q[0], 1e-6) << "tick " << a.k;
+    }
+  }
+  EXPECT_EQ(report()["bad_lines"], 0) << process.err();
+  EXPECT_EQ(report()["input"]["samples"], 3001);
   EXPECT_EQ(report()["input"]["missing_samples"], 0);
+  EXPECT_EQ(report()["unsent"], 0);
 }
 
 TEST_F(ListenProgramTest, ASignalEndsItWhereverItWaits) {

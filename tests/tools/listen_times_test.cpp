@@ -57,6 +57,16 @@ TEST(DecimalTest, LargeClockValuesAreExact) {
   EXPECT_EQ(in_unit("1732190400", "1732190400.000001", "s"), -1e-6);
 }
 
+TEST(DecimalTest, TermsOfVeryDifferentSizeAreNearlyExact) {
+  EXPECT_EQ(in_unit("1e-60", "1732190400.5", "s"), -1732190400.5);
+  EXPECT_EQ(in_unit("1e60", "1732190400.5", "s"), 1e60);
+  EXPECT_DOUBLE_EQ(
+      in_unit("12345678901234567890.1234567890123456", "0", "1.2345678901234567890123"),
+      12345678901234567890.1234567890123456 * 1.2345678901234567890123);
+  EXPECT_TRUE(std::isinf(in_unit("1e300", "0", "1e300")));
+  EXPECT_EQ(in_unit("1e-300", "0", "1e-300"), 0.0);
+}
+
 TEST(UnitTest, IsTakenFromColumnName) {
   const struct {
     const char* name;
