@@ -51,8 +51,8 @@ struct IdentificationSettings {
   /// \brief If no path explains the events to their jitter, look for one that follows them roughly:
   /// the model is an approximation.
   bool approximate = false;
-  /// \brief Where no path explains the events, start from fewer parameters, and follow them with a
-  /// larger scatter, for the reasons of a refusal.
+  /// \brief Where no path explains the events, follow them with a larger scatter, for the reasons
+  /// of a refusal.
   bool retry = true;
   /// \brief Refuse values outside of Parameter::within, although the search covers a larger range.
   bool strictly_within = true;
