@@ -416,8 +416,10 @@ TEST_F(LiveTest, IncompleteRecordingIsReportedAtOnceAndFails) {
     if (k < 4 || k > 5) publish_truth(truth(k, 0.1 * k, 1.0));
     if (k < 4 || k > 6) publish_estimate(settled_channel, estimate(k, 0.1 * k));
   }
-  EXPECT_TRUE(says("lost on the way here: 1 message of "));
-  EXPECT_TRUE(says(path("all.lcmlog") + " is not complete\n")) << process_->err();
+  EXPECT_TRUE(says(std::string("lost on the way here: 1 message of ") + contacts_channel +
+                   ", 3 ticks of " + settled_channel + ", 2 ticks of " + truth_channel + "; " +
+                   path("all.lcmlog") + " is not complete\n"))
+      << process_->err();
   EXPECT_EQ(end(SIGTERM), 1);
   EXPECT_EQ(report()["lost"][contacts_channel], 1);
   EXPECT_EQ(report()["lost"][truth_channel], 2);
