@@ -149,7 +149,7 @@ VectorXd joined(const VectorXd& first, const VectorXd& second) {
 
 // Standard deviations of T x, where the entries of x are independent.
 VectorXd deviations(const MatrixXd& T, const VectorXd& sigma) {
-  return (T.cwiseAbs2() * sigma.cwiseAbs2()).cwiseSqrt();
+  return T.cwiseAbs2().lazyProduct(sigma.cwiseAbs2()).cwiseSqrt();
 }
 
 // Whether a key is of the same parameter in both scenes. Entries are of coordinates.
@@ -206,7 +206,7 @@ ModalMachine modal_machine(const Scene& scene) {
     return machine;
   }
   const auto [kappa, Phi] = eigenpairs(model.K, model.M);
-  const MatrixXd C = Phi.transpose() * model.C * Phi;
+  const MatrixXd C = congruent(Phi, model.C);
   const MatrixXd coupling = C - MatrixXd(C.diagonal().asDiagonal());
   if (coupling.cwiseAbs().maxCoeff() > uncoupled * C.cwiseAbs().maxCoeff()) {
     throw ModelError("damping couples the modes; none of them can be left out");
@@ -220,14 +220,14 @@ ModalMachine modal_machine(const Scene& scene) {
     output.direction = Phi.transpose() * output.direction;
   }
   for (State* state : {&machine.master, &machine.replica}) {
-    state->q = Phi.transpose() * model.M * state->q;
-    state->u = Phi.transpose() * model.M * state->u;
+    state->q = Phi.transpose() * (model.M * state->q);
+    state->u = Phi.transpose() * (model.M * state->u);
   }
   if (State& sigma = machine.sigma; sigma.q.size() > 0) {
-    const MatrixXd to_modes = Phi.transpose() * model.M;
+    const MatrixXd to_modes = product(Phi.transpose(), model.M);
     sigma = {deviations(to_modes, sigma.q), deviations(to_modes, sigma.u)};
   }
-  machine.observed *= Phi;
+  machine.observed = product(machine.observed, Phi);
   return machine;
 }
 
@@ -302,7 +302,7 @@ ModalMachine with_static_vectors(const ModalMachine& machine, const std::vector<
   }
   const MatrixXd kept_rows = part.observed;
   part.observed.resize(kept_rows.rows(), kept_rows.cols() + r);
-  part.observed << kept_rows, machine.observed * Bd;
+  part.observed << kept_rows, product(machine.observed, Bd);
   return part;
 }
 
@@ -359,11 +359,11 @@ KeptModes kept_modes(const Model& model, int modes, const StaticVectors& vectors
     std::iota(first.begin(), first.end(), Index{0});
     const auto [of_vectors, B] = static_modes(machine, first, vectors.orders);
     kept.Phi.conservativeResize(N, modes + B.cols());
-    kept.Phi.rightCols(B.cols()) = Phi * B.cast<double>();
+    kept.Phi.rightCols(B.cols()) = product(Phi, B.cast<double>());
     kept.stiffness = joined(kept.stiffness, of_vectors.cast<double>());
   }
   fix_signs(kept.Phi);
-  kept.to_kept = kept.Phi.transpose() * model.M;
+  kept.to_kept = product(kept.Phi.transpose(), model.M);
   return kept;
 }
 

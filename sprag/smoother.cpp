@@ -93,10 +93,10 @@ std::vector<FilterBelief> backward(const std::vector<FilterStep>& steps) {
     FilterBelief& belief = beliefs[k];
     belief = steps[k].after;
     belief.z += belief.S * a;
-    belief.S = belief.S * B;
+    belief.S = product(belief.S, B);
     if (k == 0) break;
     a = steps[k].mean + steps[k].on_next * a;
-    B = root_of_sum(steps[k].on_next * B, steps[k].rest);
+    B = root_of_sum(product(steps[k].on_next, B), steps[k].rest);
   }
   return beliefs;
 }

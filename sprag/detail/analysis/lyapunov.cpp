@@ -1,12 +1,13 @@
 #include "sprag/detail/analysis/lyapunov.h"
 
-#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "sprag/detail/analysis/variation.h"
 #include "sprag/detail/mechanics/dynamics.h"
 #include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
@@ -43,7 +44,18 @@ Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
 }
 
 double spectral_radius(const Eigen::MatrixXd& A) {
-  return A.allFinite() ? A.eigenvalues().cwiseAbs().maxCoeff() : A.cwiseAbs().maxCoeff();
+  if (!A.allFinite()) return A.cwiseAbs().maxCoeff();
+  const MatrixR S = schur_form(A.cast<Extended>()).S;
+  Extended largest = 0;
+  for (Eigen::Index i = 0; i < S.rows(); ++i) {
+    Extended size = std::abs(S(i, i));
+    if (i + 1 < S.rows() && S(i + 1, i) != 0) {  // a conjugate pair; its product is the determinant
+      size = std::sqrt(S(i, i) * S(i + 1, i + 1) - S(i, i + 1) * S(i + 1, i));
+      ++i;
+    }
+    largest = std::max(largest, size);
+  }
+  return static_cast<double>(largest);
 }
 
 double largest_exponent(Master& master, double T, long k, long l,

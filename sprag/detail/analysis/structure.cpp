@@ -1,6 +1,5 @@
 #include "sprag/detail/analysis/structure.h"
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -73,8 +72,8 @@ void separate_repeated(const VectorXd& kappa, const MatrixXd& W_hat, MatrixXd& P
                                    order.begin() + static_cast<std::ptrdiff_t>(next));
     if (group.size() < 2) continue;
     const MatrixXd basis = Phi(Eigen::all, group);
-    const Eigen::JacobiSVD<MatrixXd> svd(W_hat.transpose() * basis, Eigen::ComputeFullV);
-    Phi(Eigen::all, group) = basis * svd.matrixV();
+    const MatrixXd V = singular_values(product(W_hat.transpose(), basis)).V;
+    Phi(Eigen::all, group) = product(basis, V);
   }
 }
 
@@ -86,15 +85,14 @@ Directions directions(const Dynamics& dynamics) {
   if (m == 0) return result;
   MatrixXd W_hat = CholeskyFactor(dynamics.model().M).solve_L(dynamics.W());
   W_hat.colwise().normalize();
-  const Eigen::JacobiSVD<MatrixXd> svd(W_hat, Eigen::ComputeFullV);
-  const VectorXd& sigma = svd.singularValues();
+  const auto [sigma, V] = singular_values(W_hat);
   result.rank = static_cast<int>((sigma.array() > independent * sigma[0]).count());
   if (result.rank == m) {
     result.condition = sigma[0] / sigma[m - 1];
     return result;
   }
   result.condition = std::numeric_limits<double>::infinity();
-  const VectorXd combination = svd.matrixV().col(m - 1);
+  const VectorXd combination = V.col(m - 1);
   for (Index i = 0; i < m; ++i) {
     if (std::abs(combination[i]) > 1e-6) result.dependent.push_back(static_cast<int>(i));
   }
@@ -161,7 +159,7 @@ std::vector<Mode> modes(const Dynamics& dynamics) {
     const VectorXd lengths = dynamics.G().diagonal().cwiseSqrt();
     separate_repeated(kappa, dynamics.W() * lengths.cwiseInverse().asDiagonal(), Phi);
   }
-  const MatrixXd projections = dynamics.W().transpose() * Phi;  // m x f
+  const MatrixXd projections = product(dynamics.W().transpose(), Phi);  // m x f
   const VectorXd best = m > 0 ? VectorXd(projections.cwiseAbs().rowwise().maxCoeff()) : VectorXd();
 
   std::vector<Mode> result(static_cast<std::size_t>(kappa.size()));

@@ -1,7 +1,5 @@
 #include "sprag/detail/bound/dissipation_cap.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -21,10 +19,9 @@ constexpr Eigen::Index few_coordinates = 12;
 
 // Smallest eigenvalue of Q x = value P x.
 double smallest(const Eigen::MatrixXd& Q, const Eigen::MatrixXd& P) {
-  const Eigen::LLT<Eigen::MatrixXd> factor(P);
-  if (factor.info() != Eigen::Success) return -infinity;
-  Eigen::MatrixXd B = factor.matrixL().solve(Q);
-  B = factor.matrixL().solve(B.transpose()).eval();
+  const CholeskyFactor factor(P);
+  if (!factor.exists()) return -infinity;
+  const Eigen::MatrixXd B = factor.solve_L(factor.solve_L(Q).transpose());
   return eigenvalues(0.5 * (B + B.transpose()))[0];
 }
 
@@ -94,7 +91,8 @@ Eigen::VectorXcd solve_semidefinite(const Eigen::MatrixXcd& A, const Eigen::Vect
   const auto [values, vectors] = eigenpairs(real, Eigen::MatrixXd::Identity(2 * m, 2 * m));
   const Eigen::VectorXd inverse =
       (values.array() > dependent_share * values[2 * m - 1]).select(values.cwiseInverse(), 0.0);
-  const Eigen::VectorXd x = vectors * inverse.cwiseProduct(vectors.transpose() * parts);
+  const Eigen::VectorXd y = inverse.cwiseProduct(vectors.transpose().lazyProduct(parts));
+  const Eigen::VectorXd x = vectors.lazyProduct(y);
   return x.head(m) + complex<double>(0.0, 1.0) * x.tail(m);
 }
 
@@ -158,7 +156,7 @@ void DissipationCap::find_admissible(const Tolerance& tolerance) {
   if (!follow_supports()) return;
   const Eigen::MatrixXd away = stiffness.cwiseAbs2().cwiseInverse().asDiagonal() * W;
   const Eigen::VectorXd free = metric.force_constant().cwiseQuotient(stiffness);
-  const ContactMatrix A = W.transpose() * away;
+  const ContactMatrix A = product(W.transpose(), away);
   const ContactVector gaps =
       (W.transpose() * free + dynamics.offsets()).array() - tolerance.clearance;
   ContactVector push, left;
@@ -192,18 +190,19 @@ bool DissipationCap::follow_supports() {
     };
     const Eigen::VectorXcd free = solve(metric.force_amplitudes().col(j));
     const Eigen::MatrixXcd X = solve(W).conjugate();
-    const Eigen::VectorXcd mu =
-        solve_semidefinite(X.adjoint() * X, W.transpose() * free + motions.col(j));
-    swing_.col(j) = free - solve(X * mu);
+    const Eigen::VectorXcd mu = solve_semidefinite(
+        X.adjoint().lazyProduct(X), W.transpose().lazyProduct(free) + motions.col(j));
+    swing_.col(j) = free - solve(X.lazyProduct(mu));
   }
   // Corrects what rounding and dependent directions leave.
-  const Eigen::MatrixXcd left = W.transpose() * swing_ + motions;
+  const auto gaps = [&] { return Eigen::MatrixXcd(W.transpose().lazyProduct(swing_) + motions); };
+  const Eigen::MatrixXcd left = gaps();
   const Eigen::MatrixXcd G = dynamics.G().cast<complex<double>>();
   for (Eigen::Index j = 0; j < Omega.size(); ++j) {
-    swing_.col(j) -= W * solve_semidefinite(G, left.col(j));
+    swing_.col(j) -= W.lazyProduct(solve_semidefinite(G, left.col(j)));
   }
   const double scale = motions.norm() + W.norm() * swing_.norm();
-  return (W.transpose() * swing_ + motions).norm() <= share_of_rounding * scale;
+  return gaps().norm() <= share_of_rounding * scale;
 }
 
 void DissipationCap::find_force(const Tolerance& tolerance) {
@@ -217,7 +216,7 @@ void DissipationCap::find_force(const Tolerance& tolerance) {
   for (Eigen::Index j = 0; j < Omega.size(); ++j) {
     const Eigen::VectorXcd q = swing_.col(j);
     const Eigen::VectorXcd Kq = stiffness.cast<complex<double>>().cwiseProduct(q);
-    const Eigen::VectorXcd Cu = complex<double>(0.0, Omega[j]) * (metric.D() * q);
+    const Eigen::VectorXcd Cu = complex<double>(0.0, Omega[j]) * metric.D().lazyProduct(q);
     harmonics.col(j) += square(Omega[j]) * q - Cu - Kq;
     elastic += largest_of(Kq);
     viscous += largest_of(Cu);

@@ -37,8 +37,9 @@ EnergyMetric::EnergyMetric(const Dynamics& dynamics) : dynamics_(&dynamics) {
   omega_gamma_ = (omega_R_.array().square() + omega_D_.array().square()).sqrt();
 
   force_constant_ = from_modes_.transpose() * dynamics.force_constant();
-  force_amplitudes_ =
-      from_modes_.transpose().cast<std::complex<double>>() * dynamics.force_amplitudes();
+  force_amplitudes_.resize(omega_.size(), dynamics.force_amplitudes().cols());
+  force_amplitudes_.real() = product(from_modes_.transpose(), dynamics.force_amplitudes().real());
+  force_amplitudes_.imag() = product(from_modes_.transpose(), dynamics.force_amplitudes().imag());
   const Eigen::VectorXd& Omega = dynamics.frequencies();
   gap_jerk_.setZero(m);
   push_ = force_constant_.norm() / std::sqrt(2.0);
@@ -57,7 +58,7 @@ EnergyMetric::EnergyMetric(const Dynamics& dynamics) : dynamics_(&dynamics) {
     }
   }
   const SampledInputs& inputs = dynamics.inputs();
-  input_forces_ = from_modes_.transpose() * inputs.forces();
+  input_forces_ = product(from_modes_.transpose(), inputs.forces());
   for (Eigen::Index c = 0; c < inputs.channels(); ++c) {
     const SampledInput& input = inputs.channel(c);
     const double force = input_forces_.col(c).norm() / std::sqrt(2.0);

@@ -2,7 +2,9 @@
 
 #include <cmath>
 
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/mechanics/wide_product.h"
 
 namespace sprag {
 namespace {
@@ -29,8 +31,8 @@ ErrorEllipsoid::ErrorEllipsoid(const EnergyMetric& metric, const Flow& free)
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(n, n);
   free.state_differences(unit.topRows(f), unit.bottomRows(f), q, u);
   leave_.setZero(n, n);
-  leave_.topRows(f) = omega.asDiagonal() * metric.to_modes() * q / root_two;
-  leave_.bottomRows(f) = metric.to_modes() * u / root_two;
+  leave_ << omega.asDiagonal() * product(metric.to_modes(), q), product(metric.to_modes(), u);
+  leave_ /= root_two;
   kernels_.resize(free.size());
   P_.setZero(n, n);
   moved_ = Phi_ = scratch_ = P_;
@@ -53,9 +55,10 @@ void ErrorEllipsoid::fly(double tau) {
     moved_.row(i) = kernels_.zz[k] * enter_.row(i) + kernels_.zv[k] * enter_.row(f + i);
     moved_.row(f + i) = kernels_.vz[k] * enter_.row(i) + kernels_.vv[k] * enter_.row(f + i);
   }
-  Phi_.noalias() = leave_ * moved_;
-  scratch_.noalias() = Phi_ * P_;
-  P_.noalias() = scratch_ * Phi_.transpose();
+  multiply(leave_, moved_, Phi_);
+  multiply(Phi_, P_, scratch_);
+  moved_ = scratch_.transpose();
+  multiply(Phi_, moved_, P_);
   P_ *= 1.0 + share_of_rounding;
 }
 
@@ -99,7 +102,7 @@ void ErrorEllipsoid::update_radius() {
     }
     value *= std::pow(trace, root);
     moved_ /= trace;
-    scratch_.noalias() = moved_ * moved_;
+    multiply(moved_, moved_, scratch_);
     moved_.swap(scratch_);
     root *= 0.5;
   }

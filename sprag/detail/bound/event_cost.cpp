@@ -1,11 +1,11 @@
 #include "sprag/detail/bound/event_cost.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/Jacobi>
 #include <algorithm>
 #include <bit>
 #include <cmath>
 
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 
 namespace sprag {
@@ -75,11 +75,25 @@ double largest_change(const Model& model) {
 }
 
 double contact_coupling(const Eigen::MatrixXd& G, ContactSet contacts) {
-  const ContactMatrix of = with_unit_diagonal(G, contacts);
-  if (of.rows() == 1) return 1.0;
-  const Eigen::SelfAdjointEigenSolver<ContactMatrix> solver(of, Eigen::EigenvaluesOnly);
-  const double least = solver.eigenvalues()[0];
-  const double most = solver.eigenvalues()[of.rows() - 1];
+  ContactMatrix A = with_unit_diagonal(G, contacts);
+  if (A.rows() == 1) return 1.0;
+  // The eigenvalues, by cyclic Jacobi rotations, which need no memory.
+  for (bool rotated = true; rotated;) {
+    rotated = false;
+    for (Eigen::Index j = 1; j < A.cols(); ++j) {
+      for (Eigen::Index i = 0; i < j; ++i) {
+        if (std::abs(A(i, j)) <= machine_epsilon) continue;
+        Eigen::JacobiRotation<double> J;
+        J.makeJacobi(A, i, j);
+        A.applyOnTheLeft(i, j, J.adjoint());
+        A.applyOnTheRight(i, j, J);
+        A(i, j) = A(j, i) = 0.0;
+        rotated = true;
+      }
+    }
+  }
+  const double least = A.diagonal().minCoeff();
+  const double most = A.diagonal().maxCoeff();
   return least > dependent_share * most ? std::sqrt(most / least) * (1.0 + dependent_share)
                                         : infinity;
 }
@@ -90,14 +104,13 @@ double joint_expansion(const Eigen::MatrixXd& G, ContactSet contacts, double eps
 }
 
 double restitution_spread(const Eigen::MatrixXd& G, ContactSet contacts) {
-  const ContactMatrix of = with_unit_diagonal(G, contacts);
-  if (of.rows() == 1) return 1.0;
-  const Eigen::LLT<ContactMatrix> factor(of);
-  if (factor.info() != Eigen::Success) return infinity;
-  ContactMatrix inverse = ContactMatrix::Identity(of.rows(), of.rows());
-  factor.matrixL().solveInPlace(inverse);
+  ContactMatrix L = with_unit_diagonal(G, contacts);
+  if (L.rows() == 1) return 1.0;
+  if (!factorize(L)) return infinity;
+  ContactMatrix inverse = ContactMatrix::Identity(L.rows(), L.rows());
+  L.triangularView<Eigen::Lower>().solveInPlace(inverse);
   // sum_i y_i <= |L^-1 (1, ..., 1)| |y|_G, and |L^-1| is at most its Frobenius norm.
-  return std::sqrt(static_cast<double>(of.rows())) * inverse.norm();
+  return std::sqrt(static_cast<double>(L.rows())) * inverse.norm();
 }
 
 }  // namespace sprag

@@ -1,6 +1,5 @@
 #include "sprag/detail/filter/family_machine.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -154,9 +153,7 @@ void FamilyOfMachines::set(const Eigen::VectorXd& values, const FamilyMachine& l
   machine.D = machine.W;
   if (model.M != scene().model.M) {
     to_modes(identity_, scene().model.M, model.M, M_);
-    if (Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(M_).info() != Eigen::Success) {
-      M_.setConstant(std::nan(""));  // no machine
-    }
+    if (!factorize(M_)) M_.setConstant(std::nan(""));  // no machine
     for (Eigen::MatrixXd* of : {&machine.C, &machine.K, &machine.D, &directions_}) {
       divide_by_mass(*of);
     }

@@ -6,6 +6,7 @@
 
 #include "sprag/detail/estimates/belief.h"
 #include "sprag/detail/mechanics/impact_law.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/mechanics/wide_product.h"
 
@@ -35,10 +36,10 @@ ModelFlight::ModelFlight(std::shared_ptr<Flows> flows)
                          to_state_.bottomRows(f_));
   flow.enter_differences(unit.topRows(f_), unit.bottomRows(f_), from_state_.topRows(f_),
                          from_state_.bottomRows(f_));
-  kicks_ = from_state_.rightCols(f_) * dynamics.MinvW();
+  kicks_ = product(from_state_.rightCols(f_), dynamics.MinvW());
   const Model& model = this->model();
-  energy_ = to_state_.topRows(f_).transpose() * model.K * to_state_.topRows(f_) +
-            to_state_.bottomRows(f_).transpose() * model.M * to_state_.bottomRows(f_);
+  energy_ =
+      congruent(to_state_.topRows(f_), model.K) + congruent(to_state_.bottomRows(f_), model.M);
   for (OscillatorKernels* of : {&kernels_, &turn_}) of->resize(flow.size());
   for (Eigen::MatrixXd* of : {&Q_, &U_, &Z_, &V_, &deflection_}) of->setZero(f_, 2 * f_);
   x_.setZero(2 * f_);

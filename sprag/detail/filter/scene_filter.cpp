@@ -226,7 +226,7 @@ Eigen::MatrixXd SceneFilter::belief(double t, const FilterBelief& of, Belief& be
   const Eigen::Index f = flight->n(), P = flight->unknowns();
   const Eigen::VectorXd mean = filter.mean(t, of);
   Eigen::MatrixXd columns(2 * f + P, filter.deviations().cols());
-  columns << flight->to_state() * filter.deviations(), filter.parameter_deviations();
+  columns << product(flight->to_state(), filter.deviations()), filter.parameter_deviations();
   const Eigen::MatrixXd S = QR(columns.transpose()).R().transpose();
   belief.q.resize(f);
   belief.u.resize(f);

@@ -8,6 +8,7 @@
 #include "sprag/detail/estimates/estimator.h"
 #include "sprag/detail/filter/fall.h"
 #include "sprag/detail/mechanics/instant.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/detail/parameters/scene_with.h"
 
@@ -174,7 +175,7 @@ void TrackingEstimator::follow_forces(const FilterBelief& before, double t) {
   Motion motion;
   flow->enter(filter.q, filter.u, at(before.t), Eigen::VectorXd::Zero(std::popcount(before.held)),
               motion);
-  const Eigen::MatrixXd S = filter.flight->to_state() * before.S.topRows(size);
+  const Eigen::MatrixXd S = product(filter.flight->to_state(), before.S.topRows(size));
   forces_->fly(motion, t - before.t, S.topRows(f), S.bottomRows(f), S.cols());
 }
 
@@ -608,7 +609,7 @@ Prediction TrackingEstimator::predict(const TrackingState& state, const Predicto
     Eigen::MatrixXd noise(2 * f, model.drift.cols() + model.kicks.cols());
     noise.leftCols(model.drift.cols()) = model.drift;
     if (model.kicks.cols() > 0) noise.rightCols(model.kicks.cols()) = model.kicks;
-    const Eigen::MatrixXd drift = std::sqrt(ahead) * filter_->flight->to_state() * noise;
+    const Eigen::MatrixXd drift = std::sqrt(ahead) * product(filter_->flight->to_state(), noise);
     from.columns += drift.cols();
     from.S_q.conservativeResize(f, from.columns);
     from.S_u.conservativeResize(f, from.columns);

@@ -1,13 +1,14 @@
 #include "sprag/detail/identification/gauss_newton.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "sprag/detail/estimates/uncertainty.h"
 #include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/scalars.h"
+#include "sprag/detail/mechanics/wide_product.h"
 
 namespace sprag {
 namespace {
@@ -62,7 +63,7 @@ VectorXd solve(const MatrixXd& S, const VectorXd& rhs, const std::vector<Index>&
   if (free.empty()) return x;
   const MatrixXd A = columns_of(S, free);
   const VectorXd norms = A.colwise().norm().transpose().cwiseMax(1e-300);
-  const VectorXd y = (A * norms.cwiseInverse().asDiagonal()).colPivHouseholderQr().solve(rhs);
+  const VectorXd y = least_squares(A * norms.cwiseInverse().asDiagonal(), rhs);
   for (Index j = 0; j < A.cols(); ++j) x[free[static_cast<std::size_t>(j)]] = y[j] / norms[j];
   return x;
 }
@@ -142,7 +143,8 @@ GaussNewton::GaussNewton(const Scene& scene, const std::vector<Parameter>& unkno
   const MatrixXd& of_q = uncertainty.drift_q;
   const MatrixXd& of_u = uncertainty.drift_u;
   drift_.resize(2 * n_, of_q.cols() + of_u.cols());
-  drift_ << flight_.from_state().leftCols(n_) * of_q, flight_.from_state().rightCols(n_) * of_u;
+  drift_ << product(flight_.from_state().leftCols(n_), of_q),
+      product(flight_.from_state().rightCols(n_), of_u);
   low_.setConstant(P_, -infinity);
   high_ = -low_;
   scale_.setOnes(P_);
@@ -307,7 +309,7 @@ void GaussNewton::sweep(const FitStretch& stretch, const VectorXd& at,
     work_.setZero(m + first, m + e);
     if (f == 1) work_.col(0).segment(first, N).noalias() = by_x * row.s;
     if (D > 0) work_.block(first, 1, N, D).noalias() = by_x * row.noise;
-    work_.block(first, e, N, N).noalias() = by_x * row.A;
+    multiply(by_x, row.A, work_.block(first, e, N, N));
     work_.block(first, e + N, m, columns) = R.middleCols(N, columns);
     work_.block(first, e + N, N, columns).noalias() += by_x * row.B;
     work_.col(e + N + columns).segment(first, m) = R.col(m - 1);
@@ -776,7 +778,7 @@ void GaussNewton::finish(EventFit& fit, const MatrixXd& S, Index fixed) {
   }
   if (free.empty()) return;
   const MatrixXd inverse = inverse_root(columns_of(S, free));
-  const MatrixXd covariance = inverse * inverse.transpose();
+  const MatrixXd covariance = product(inverse, inverse.transpose());
   for (Index i = 0; i < covariance.rows(); ++i) {
     for (Index j = 0; j < covariance.cols(); ++j) {
       fit.covariance(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]) =
@@ -866,11 +868,9 @@ GaussNewton::Spread GaussNewton::spread(const EventFit& fit) {
   Spread spread;
   const Index N = 2 * n_;
   // Root of the covariance of c.
-  const Eigen::LLT<MatrixXd> of_c(fit.covariance + 1e-300 * MatrixXd::Identity(P_, P_));
-  MatrixXd root_of_c = MatrixXd::Zero(P_, P_);
-  if (of_c.info() == Eigen::Success) {
-    root_of_c = of_c.matrixL();
-  } else {
+  const CholeskyFactor of_c(fit.covariance + 1e-300 * MatrixXd::Identity(P_, P_));
+  MatrixXd root_of_c = of_c.L();
+  if (!of_c.exists()) {
     root_of_c = fit.covariance.diagonal().cwiseMax(0.0).cwiseSqrt().asDiagonal();
   }
   for (std::size_t i = 0; i < fit.stretches.size(); ++i) {
@@ -880,8 +880,8 @@ GaussNewton::Spread GaussNewton::spread(const EventFit& fit) {
     const auto R = path.R.topLeftCorner(N, N).triangularView<Eigen::Upper>();
     S.topLeftCorner(N, N) = R.solve(MatrixXd::Identity(N, N));
     S.bottomRightCorner(P_, P_) = root_of_c;
-    if (P_ > 0) S.topRightCorner(N, P_) = -R.solve(path.R.block(0, N, N, P_) * root_of_c);
-    if (i == 0) spread.start = S.topRows(N) * S.topRows(N).transpose();
+    if (P_ > 0) S.topRightCorner(N, P_) = -R.solve(product(path.R.block(0, N, N, P_), root_of_c));
+    if (i == 0) spread.start = product(S.topRows(N), S.topRows(N).transpose());
     spread.leverage.emplace_back();
     for (std::size_t k = 0; k < fit.stretches[i].size(); ++k) {
       const Row& row = path.rows[k];
@@ -892,8 +892,8 @@ GaussNewton::Spread GaussNewton::spread(const EventFit& fit) {
       spread.leverage.back().push_back(
           std::clamp(of_time.squaredNorm() / square(fit.sigma), 0.0, 1.0));
       MatrixXd next = MatrixXd::Zero(N + P_, S.cols() + 1);
-      next.topLeftCorner(N, S.cols()) =
-          row.A * S.topRows(N) + row.B.leftCols(P_) * S.bottomRows(P_);
+      next.topLeftCorner(N, S.cols()) = product(row.A, S.topRows(N));
+      if (P_ > 0) next.topLeftCorner(N, S.cols()) += product(row.B.leftCols(P_), S.bottomRows(P_));
       next.topRows(N) += row.s * of_time;
       next.bottomLeftCorner(P_, S.cols()) = S.bottomRows(P_);
       MatrixXd transposed = next.transpose();

@@ -423,14 +423,14 @@ void Judge::put_path(Identification& result) {
     x = flight.x();
     MatrixXd carried = MatrixXd::Identity(2 * n, 2 * n);
     flight.carry(carried);
-    of_start = (carried * of_start * carried.transpose()).eval();
+    of_start = congruent(carried.transpose(), of_start);
     t = to;
   }
   result.start = {VectorXd(n), VectorXd(n)};
   flight.state(x, t, result.start.q, result.start.u);
   result.start.u *= scale;
   const MatrixXd& to_state = flight.to_state();
-  const VectorXd variances = (to_state * of_start * to_state.transpose()).diagonal().cwiseMax(0.0);
+  const VectorXd variances = congruent(to_state.transpose(), of_start).diagonal().cwiseMax(0.0);
   result.start_sigma = {variances.head(n).cwiseSqrt(), scale * variances.tail(n).cwiseSqrt()};
   result.start_t = (t - shift) / scale;
   result.begins = begins == 0.0 ? 0.0 : (begins - shift) / scale;

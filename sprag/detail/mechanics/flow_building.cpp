@@ -284,17 +284,18 @@ void Flow::Builder::build_on_nullspace() {
   const MatrixR D =
       l > 0 ? product(MinvW, inverse(product(W.transpose(), MinvW))) : MatrixR::Zero(f, 0);
   space.q_D.resize(f, 1 + l);
-  space.q_D << -D * offsets, D;
+  space.q_D << -product(D, offsets), D;
   const MatrixCR supports = complex_product(D, motion);
   space.q_D_harmonics = -supports;
   space.push = -product(B.transpose(), product(K, space.q_D));
-  space.push.col(0) += B.transpose() * (dynamics_.force_constant() / mass).cast<Real>();
+  space.push.col(0) += product(B.transpose(), (dynamics_.force_constant() / mass).cast<Real>());
   space.forcing.resize(B.cols(), nh_);
   for (Eigen::Index j = 0; j < nh_; ++j) {
     const Complex i_Omega(0, dynamics_.frequencies()[j]);
-    const MatrixCR Z = K.cast<Complex>() + i_Omega * C.cast<Complex>();
+    const VectorCR q = supports.col(j);
     const VectorCR F = (dynamics_.force_amplitudes().col(j) / mass).cast<Complex>();
-    space.forcing.col(j) = B.transpose().cast<Complex>() * (F + Z * supports.col(j));
+    const VectorCR of_support = complex_product(K, q) + i_Omega * complex_product(C, q);
+    space.forcing.col(j) = complex_product(B.transpose(), F + of_support);
   }
   if (sampled()) {
     const SampledInputs& inputs = dynamics_.inputs();
@@ -305,13 +306,13 @@ void Flow::Builder::build_on_nullspace() {
       for (Eigen::Index i = 0; i < l; ++i) {
         shares[i] = inputs.motions()(locked_contacts_[static_cast<std::size_t>(i)], c);
       }
-      const VectorR support = D * shares;
+      const VectorR support = product(D, shares);
       const VectorR of_force = (inputs.forces().col(c) / mass).cast<Extended>();
       const Eigen::Index e = chain_terms * c;
       space.q_D_chain.col(e) = -support;
-      space.forcing_chain.col(e) = B.transpose() * (K * support);
-      space.forcing_chain.col(e + 1) = B.transpose() * (C * support);
-      space.forcing_chain.col(e + 2) = B.transpose() * of_force;
+      space.forcing_chain.col(e) = product(B.transpose(), product(K, support));
+      space.forcing_chain.col(e + 1) = product(B.transpose(), product(C, support));
+      space.forcing_chain.col(e + 2) = product(B.transpose(), of_force);
     }
   }
 
@@ -387,7 +388,7 @@ void Flow::Builder::build_dense(const Nullspace& space) {
   MatrixCR drive(r, nh_);
   for (Eigen::Index j = 0; j < nh_; ++j) {
     const Complex i_Omega(0, dynamics_.frequencies()[j]);
-    const VectorCR b = from_force.cast<Complex>() * space.forcing.col(j);
+    const VectorCR b = complex_product(from_force, space.forcing.col(j));
     const VectorCR forcing =
         b.tail(r) + 2 * delta.cast<Complex>().cwiseProduct(b.head(r)) + i_Omega * b.head(r);
     const Response response =

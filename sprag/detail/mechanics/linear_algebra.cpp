@@ -33,10 +33,12 @@ Eigen::MatrixXd congruent(const Eigen::Ref<const Eigen::MatrixXd>& B,
   return product(B.transpose(), product(A, B));
 }
 
-CholeskyFactor::CholeskyFactor(const Eigen::MatrixXd& M) {
-  const Eigen::LLT<Eigen::MatrixXd> factor(M);
-  exists_ = factor.info() == Eigen::Success;
-  L_ = factor.matrixL();
+bool factorize(Eigen::Ref<Eigen::MatrixXd> M) {
+  return Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(M).info() == Eigen::Success;
+}
+
+CholeskyFactor::CholeskyFactor(const Eigen::MatrixXd& M) : L_(M), exists_(factorize(L_)) {
+  L_.triangularView<Eigen::StrictlyUpper>().setZero();
 }
 
 Eigen::MatrixXd CholeskyFactor::solve_L(const Eigen::MatrixXd& B) const {
@@ -115,8 +117,12 @@ Eigen::MatrixXd PivotedQR::solve_rotated(const Eigen::MatrixXd& QtB) const {
   return X;
 }
 
+Eigen::MatrixXd least_squares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B) {
+  return Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(A).solve(B);
+}
+
 SingularValues singular_values(const Eigen::MatrixXd& A) {
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, Eigen::ComputeThinV);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(A, Eigen::ComputeFullV);
   return {svd.singularValues(), svd.matrixV()};
 }
 

@@ -41,6 +41,10 @@ Solution solve(const MatrixR& A, const MatrixR& B);
 /// A^-1 B for complex A and B, as a real system of twice the size.
 MatrixCR solve(const MatrixCR& A, const MatrixCR& B);
 
+/// Replaces the lower triangle of M by L with M = L L^T, and returns whether M is positive
+/// definite. M n x n and symmetric; its lower triangle is read. Does not allocate.
+bool factorize(Eigen::Ref<Eigen::MatrixXd> M);
+
 /// M = L L^T, L lower triangular. M n x n and symmetric; its lower triangle is read.
 class CholeskyFactor {
  public:
@@ -99,8 +103,11 @@ class PivotedQR {
   Eigen::Index rank_ = 0;
 };
 
-/// The first min(m, n) singular values, descending, and right singular vectors (columns) of A,
-/// m x n.
+/// X that minimizes |A X - B| for A m x n, m >= n, of full rank.
+Eigen::MatrixXd least_squares(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B);
+
+/// The first min(m, n) singular values, descending, and all n right singular vectors (columns) of
+/// A, m x n.
 struct SingularValues {
   Eigen::VectorXd values;
   Eigen::MatrixXd V;
@@ -118,6 +125,13 @@ struct ExtendedEigenpairs {
 };
 Eigen::VectorXd eigenvalues(const Eigen::MatrixXd& A);
 ExtendedEigenpairs eigenpairs(const MatrixR& A);
+
+/// The real Schur form A = U S U^T, U orthogonal, S with diagonal blocks of order 1 and 2, of any
+/// A, n x n. Throws ModelError if it was not found.
+struct SchurForm {
+  MatrixR U, S;
+};
+SchurForm schur_form(const MatrixR& A);
 
 /// K v = value M v with M positive definite and v^T M v = 1. Throws ModelError without a solution.
 Eigenpairs eigenpairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);

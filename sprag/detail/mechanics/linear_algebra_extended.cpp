@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
+#include "sprag/model.h"
 
 namespace sprag {
 
@@ -12,7 +13,10 @@ MatrixR product(const Eigen::Ref<const MatrixR>& A, const Eigen::Ref<const Matri
 }
 
 MatrixCR complex_product(const MatrixR& A, const MatrixCR& B) {
-  return A.cast<std::complex<Extended>>() * B;
+  MatrixCR AB(A.rows(), B.cols());
+  AB.real() = product(A, B.real());
+  AB.imag() = product(A, B.imag());
+  return AB;
 }
 
 MatrixR congruent(const Eigen::Ref<const MatrixR>& B, const Eigen::Ref<const MatrixR>& A) {
@@ -42,6 +46,14 @@ MatrixR cholesky_factor(const MatrixR& M) { return Eigen::LLT<MatrixR>(M).matrix
 
 MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
   return Eigen::LLT<MatrixR>(M).solve(B);
+}
+
+SchurForm schur_form(const MatrixR& A) {
+  const Eigen::RealSchur<MatrixR> schur(A);
+  if (schur.info() != Eigen::Success) {
+    throw ModelError("eigenvalues were not found");
+  }
+  return {schur.matrixU(), schur.matrixT()};
 }
 
 ExtendedEigenpairs eigenpairs(const MatrixR& A) {

@@ -1,6 +1,5 @@
 #include "sprag/detail/mechanics/modal_analysis.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
@@ -31,20 +30,14 @@ Real largest_off_diagonal(const MatrixR& A) {
   return largest;
 }
 
-// The real Schur form A = U S U^T. Its diagonal blocks, of order 1 and 2, contain the eigenvalues.
-class SchurForm {
+// From the real Schur form A = U S U^T, whose diagonal blocks contain the eigenvalues.
+class InvariantSubspaces {
  public:
   struct Block {
     Eigen::Index row, order;
   };
 
-  explicit SchurForm(const MatrixR& A) {
-    const Eigen::RealSchur<MatrixR> schur(A);
-    if (schur.info() != Eigen::Success) {
-      throw ModelError("the eigenvalues of M, C and K were not found");
-    }
-    U_ = schur.matrixU();
-    S_ = schur.matrixT();
+  explicit InvariantSubspaces(const SchurForm& schur) : U_(schur.U), S_(schur.S) {
     noise_ = 1e-16L * S_.norm();
     for (Eigen::Index i = 0; i < S_.rows(); i += blocks_.back().order) {
       const bool pair = i + 1 < S_.rows() && S_(i + 1, i) != 0;
@@ -154,8 +147,8 @@ Turn largest_turn(const Eigen::Matrix<Real, 2, 2>& N) {
 // eigenvalues (nearly) share one direction and must be paired. Two equal eigenvalues with two
 // directions must not be. The sign of v^T (2 s + C) v divides the eigenvalues near critical damping
 // into two kinds of equal number, so pairs of different kinds come first.
-std::vector<std::vector<std::size_t>> real_pairs(const SchurForm& schur, const VectorR& D,
-                                                 const MatrixR& C) {
+std::vector<std::vector<std::size_t>> real_pairs(const InvariantSubspaces& subspaces,
+                                                 const VectorR& D, const MatrixR& C) {
   struct Single {
     std::size_t block;
     Real s;
@@ -164,10 +157,10 @@ std::vector<std::vector<std::size_t>> real_pairs(const SchurForm& schur, const V
   };
   const Eigen::Index r = D.size();
   std::vector<Single> singles;
-  for (std::size_t b = 0; b < schur.blocks().size(); ++b) {
-    if (schur.blocks()[b].order == 2) continue;
-    const Real s = schur.eigenvalue(b);
-    const VectorR x = schur.subspace({b}).X.col(0).normalized();
+  for (std::size_t b = 0; b < subspaces.blocks().size(); ++b) {
+    if (subspaces.blocks()[b].order == 2) continue;
+    const Real s = subspaces.eigenvalue(b);
+    const VectorR x = subspaces.subspace({b}).X.col(0).normalized();
     const VectorR v = D.cwiseInverse().asDiagonal() * x.head(r);
     const Real damping = v.dot(C * v) / v.squaredNorm();
     const Real sign = (2 * s + damping) / (std::abs(s) + damping + 1e-12L * D.maxCoeff());
@@ -271,10 +264,10 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   A.bottomRightCorner(r, r) = -C;
 
   // Rigid positions come first. Their columns of A are zero, so their eigenvalues are exactly zero.
-  const SchurForm schur(A);
-  std::vector<std::vector<std::size_t>> pairs = real_pairs(schur, D, C);
-  for (std::size_t b = 0; b < schur.blocks().size(); ++b) {
-    if (schur.blocks()[b].order == 2) pairs.push_back({b});
+  const InvariantSubspaces subspaces(schur_form(A));
+  std::vector<std::vector<std::size_t>> pairs = real_pairs(subspaces, D, C);
+  for (std::size_t b = 0; b < subspaces.blocks().size(); ++b) {
+    if (subspaces.blocks()[b].order == 2) pairs.push_back({b});
   }
 
   // A X = X H on the two-dimensional subspace of an oscillator. For any b in it,
@@ -282,7 +275,7 @@ ComplexModes complex_modes(const MatrixR& K, const MatrixR& C_hat) {
   ComplexModes modes{VectorR(r), VectorR(r), MatrixR(r, r), MatrixR(r, r), {}};
   MatrixR T(2 * r, 2 * r);
   for (Eigen::Index i = 0; i < r; ++i) {
-    const auto [X, H] = schur.subspace(pairs[static_cast<std::size_t>(i)]);
+    const auto [X, H] = subspaces.subspace(pairs[static_cast<std::size_t>(i)]);
     modes.delta[i] = std::max(-H.trace() / 2, Real(0));
     modes.kappa[i] = std::max(H(0, 0) * H(1, 1) - H(0, 1) * H(1, 0), Real(0));
     const Eigen::HouseholderQR<MatrixR> qr(X);
