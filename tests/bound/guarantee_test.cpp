@@ -4,11 +4,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <iostream>
 
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scalars.h"
 #include "sprag/observer.h"
@@ -235,8 +235,8 @@ TEST(HalfWidths, AreAttained) {
     const EnergyMetric metric(dynamics);
     const HalfWidths widths(metric);
     const double B = random.log_uniform(1e-6, 1.0);
-    const Eigen::VectorXd q = model.K.ldlt().solve(c);
-    const Eigen::VectorXd u = model.M.ldlt().solve(c);
+    const Eigen::VectorXd q = CholeskyFactor(model.K).solve(c);
+    const Eigen::VectorXd u = CholeskyFactor(model.M).solve(c);
     const double scale_q = std::sqrt(2.0 * B / q.dot(model.K * q));
     const double scale_u = std::sqrt(2.0 * B / u.dot(model.M * u));
     EXPECT_NEAR(scale_q * c.dot(q) / half_width(widths.outputs()[0], B), 1.0, 1e-6);

@@ -8,6 +8,7 @@
 #include "sprag/detail/files/input_file.h"
 #include "sprag/detail/files/scene_text.h"
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 #include "tests/support/random.h"
@@ -185,8 +186,8 @@ TEST(ShakenFrame, EqualsMachineWithExplicitForces) {
     Scene scene;
     const Eigen::MatrixXd A = random.matrix(f, f), B = random.matrix(f, f);
     scene.name = "x";
-    scene.model.M = A * A.transpose() + Eigen::MatrixXd::Identity(f, f);
-    scene.model.K = 50.0 * (B * B.transpose() + Eigen::MatrixXd::Identity(f, f));
+    scene.model.M = product(A, A.transpose()) + Eigen::MatrixXd::Identity(f, f);
+    scene.model.K = 50.0 * (product(B, B.transpose()) + Eigen::MatrixXd::Identity(f, f));
     scene.model.C = 0.01 * scene.model.K;
     const Eigen::VectorXd r = random.vector(f), w = random.vector(f), v = random.vector(f);
     const double e = 0.05, Omega = random.uniform(3.0, 12.0), phase = random.uniform(-3.0, 3.0);

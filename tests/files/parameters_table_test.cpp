@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sprag/detail/files/scene_writer.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/scene_file.h"
 #include "tests/files/scene_texts.h"
 
@@ -173,7 +174,8 @@ TEST(ParametersTable, RootOfCovariance) {
     ASSERT_EQ(S.rows(), 3);
     ASSERT_EQ(S.cols(), 3);
     const Eigen::VectorXd inverse = parameters.sigma.cwiseInverse();
-    const Eigen::MatrixXd scaled = inverse.asDiagonal() * S * S.transpose() * inverse.asDiagonal();
+    const Eigen::MatrixXd scaled =
+        inverse.asDiagonal() * product(S, S.transpose()) * inverse.asDiagonal();
     EXPECT_LT((scaled - parameters.correlation).cwiseAbs().maxCoeff(), 1e-14) << correlation;
   }
 }

@@ -11,6 +11,7 @@
 #include "sprag/detail/filter/event_filter.h"
 #include "sprag/detail/filter/model_flight.h"
 #include "sprag/detail/identification/task.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/parameters/scene_with.h"
 #include "tests/support/by_speed.h"
 #include "tests/support/random.h"
@@ -329,10 +330,10 @@ TEST(EventFilter, RestartKeepsEstimatedParameters) {
   for (Eigen::Index i = 0; i < belief.S.rows(); ++i) {
     belief.S.row(i) = random.vector(belief.S.cols()).transpose();
   }
-  const Eigen::MatrixXd before = belief.S * belief.S.transpose();
+  const Eigen::MatrixXd before = product(belief.S, belief.S.transpose());
   const Eigen::MatrixXd wide = 3.0 * Eigen::MatrixXd::Identity(n2, n2);
   filter.restart(4.0, Eigen::VectorXd::Ones(n2), wide, 0, belief);
-  const Eigen::MatrixXd after = belief.S * belief.S.transpose();
+  const Eigen::MatrixXd after = product(belief.S, belief.S.transpose());
   EXPECT_TRUE(after.topLeftCorner(n2, n2).isApprox(9.0 * Eigen::MatrixXd::Identity(n2, n2)));
   EXPECT_TRUE(after.topRightCorner(n2, P).isZero(1e-12));
   // The covariance of a walk over four units of time is added.

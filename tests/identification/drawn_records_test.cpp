@@ -9,6 +9,7 @@
 #include "sprag/detail/identification/gauss_newton.h"
 #include "sprag/detail/identification/verdict.h"
 #include "sprag/detail/mechanics/interrupt.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/parameters/scene_parameters.h"
 #include "sprag/identification.h"
 #include "studies/common/random.h"
@@ -44,14 +45,18 @@ std::vector<double> errors(const Record& record, const Identification& result) {
   return all;
 }
 
+void expect_triangularized(Eigen::MatrixXd M) {
+  const Eigen::MatrixXd before = product(M.transpose(), M);
+  triangularize_rows(M);
+  EXPECT_LT((product(M.transpose(), M) - before).norm(), 1e-13 * before.trace());
+  EXPECT_EQ(M.triangularView<Eigen::StrictlyLower>().toDenseMatrix().norm(), 0.0);
+}
+
 TEST(DrawnRecords, TriangularizationKeepsTheProductOfColumns) {
   common::Random draw(1);
   Eigen::MatrixXd M(7, 5);
   for (double& entry : M.reshaped()) entry = draw.normal();
-  const Eigen::MatrixXd before = M;
-  triangularize_rows(M);
-  EXPECT_LT((M.transpose() * M - before.transpose() * before).norm(), 1e-13 * before.squaredNorm());
-  EXPECT_EQ(M.triangularView<Eigen::StrictlyLower>().toDenseMatrix().norm(), 0.0);
+  expect_triangularized(M);
 }
 
 TEST(DrawnRecords, TriangularizationOfAnotherRowKeepsTheProductOfColumns) {
@@ -60,10 +65,7 @@ TEST(DrawnRecords, TriangularizationOfAnotherRowKeepsTheProductOfColumns) {
   for (double& entry : M.reshaped()) entry = draw.normal();
   M.bottomRows(6) = M.bottomRows(6).triangularView<Eigen::Upper>().toDenseMatrix();
   M.col(2).setZero();
-  const Eigen::MatrixXd before = M;
-  triangularize_rows(M);
-  EXPECT_LT((M.transpose() * M - before.transpose() * before).norm(), 1e-13 * before.squaredNorm());
-  EXPECT_EQ(M.triangularView<Eigen::StrictlyLower>().toDenseMatrix().norm(), 0.0);
+  expect_triangularized(M);
 }
 
 // Along the recorded times a path moves linearly with its start, unless a restitution depends on

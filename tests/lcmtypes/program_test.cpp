@@ -11,6 +11,7 @@
 #include "lcmtypes/bus.h"
 #include "sprag/detail/files/csv.h"
 #include "sprag/scene_file.h"
+#include "tests/support/process.h"
 #include "tests/support/temporary_directory.h"
 
 namespace sprag {
@@ -144,7 +145,7 @@ TEST(ProgramTest, ReportHoldsTheFiguresAndTheError) {
     return exit_done;
   };
   EXPECT_EQ(program({"--report", file.c_str()}).code, 0);
-  auto report = nlohmann::json::parse(test::read_text(file));
+  auto report = test::parse_json(test::read_text(file));
   EXPECT_EQ(report["program"], "tester");
   EXPECT_TRUE(report.contains("version"));
   EXPECT_EQ(report["command"], (std::vector<std::string>{"--report", file}));
@@ -154,7 +155,7 @@ TEST(ProgramTest, ReportHoldsTheFiguresAndTheError) {
 
   program.run = throwing<BusError>("lost");
   EXPECT_EQ(program({"--report", file.c_str()}).code, 1);
-  report = nlohmann::json::parse(test::read_text(file));
+  report = test::parse_json(test::read_text(file));
   EXPECT_EQ(report["error"], "lost");
   EXPECT_EQ(report["exit"], 1);
 }

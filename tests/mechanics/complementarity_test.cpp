@@ -157,8 +157,8 @@ TEST(Complementarity, IsSolvedWhereTheLeastIndexRuleIsSlowest) {
   for (const int n : {2, 4, 8, 9, 10, 12}) {
     MatrixXd L = MatrixXd::Identity(n, n);
     L.triangularView<Eigen::StrictlyLower>().setConstant(2.0);
-    for (const MatrixXd& A : {MatrixXd(L * L.transpose()), MatrixXd((L * L.transpose()).reverse()),
-                              MatrixXd(L.transpose() * L)}) {
+    const MatrixXd LLt = product(L, L.transpose());
+    for (const MatrixXd& A : {LLt, MatrixXd(LLt.reverse()), product(L.transpose(), L)}) {
       const Lcp problem{A, VectorXd::Constant(n, -1.0)};
       ContactVector x, y;
       ASSERT_EQ(solve_lcp(problem.A, problem.b, x, y), Solved::yes) << "n = " << n;
@@ -170,7 +170,7 @@ TEST(Complementarity, IsSolvedWhereTheLeastIndexRuleIsSlowest) {
 // All contacts of W are pressed, but W has dependent columns. Many x solve the problem, and
 // choosing one of them would be arbitrary. If no contact is pressed, x = 0 is unique.
 void expect_dependent(const MatrixXd& W, const VectorXd& impulses, const std::string& where) {
-  const MatrixXd A = W.transpose() * W;
+  const MatrixXd A = product(W.transpose(), W);
   const VectorXd b = -(A * impulses);
   ContactVector x, y;
   EXPECT_EQ(solve_lcp(A, b, x, y), Solved::dependent) << where << "\nA =\n"
@@ -221,8 +221,8 @@ TEST(DependentDirections, MotionIsUniqueForAnyOrder) {
     for (int k = 0; k < n; ++k) {
       if (W.col(k).dot(u0) < 0.0) W.col(k) *= -1.0;
     }
-    const ContactMatrix G = W.transpose() * W;
-    const ContactVector b = W.transpose() * random.vector(rank) * 2.0;
+    const ContactMatrix G = product(W.transpose(), W);
+    const ContactVector b = 2.0 * product(W.transpose(), random.vector(rank));
     const ContactVector noise = ContactVector::Zero(n);
     ContactVector x, y;
     ContactSet unsatisfied = 0;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <string>
 
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/detail/mechanics/master.h"
 #include "sprag/detail/mechanics/scale.h"
 #include "sprag/scene_file.h"
@@ -122,7 +123,7 @@ Machine machine_between_supports(std::uint64_t seed) {
   Model& model = machine.model;
   const Eigen::MatrixXd A = random.matrix(f, f);
   model.M = Eigen::MatrixXd::Identity(f, f);
-  model.K = random.log_uniform(1.0, 150.0) * A * A.transpose();
+  model.K = random.log_uniform(1.0, 150.0) * product(A, A.transpose());
   model.C = random.uniform(0.0, 0.3) * model.M;
   model.forces.push_back({random.vector(f),
                           random.uniform(-5.0, 5.0),

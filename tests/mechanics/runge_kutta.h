@@ -2,10 +2,10 @@
 // a reference that shares no code with the library's flows and searches.
 #pragma once
 
-#include <Eigen/LU>
 #include <cmath>
 #include <vector>
 
+#include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/model.h"
 #include "sprag/sampled_input.h"
 
@@ -21,9 +21,9 @@ class RungeKutta {
 
   /// All sampled inputs of the machine must be the same.
   RungeKutta(const Model& model, const State& start) : model_(model), f_(model.coordinates()) {
-    inverse_ = model.M.cast<Real>().inverse();
-    C_ = inverse_ * model.C.cast<Real>();
-    K_ = inverse_ * model.K.cast<Real>();
+    inverse_ = inverse(MatrixR(model.M.cast<Real>()));
+    C_ = product(inverse_, model.C.cast<Real>());
+    K_ = product(inverse_, model.K.cast<Real>());
     for (const Force& force : model.forces) {
       pushes_.push_back(inverse_ * force.direction.cast<Real>());
       if (force.input) input_ = force.input;

@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <csignal>
+#include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <thread>
 
@@ -25,6 +26,8 @@ int exit_code(int status) {
 }
 
 }  // namespace
+
+nlohmann::json parse_json(const std::string& text) { return nlohmann::json::parse(text); }
 
 Process::Process(std::vector<std::string> command, const std::filesystem::path& directory,
                  const std::string& label)

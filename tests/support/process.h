@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <filesystem>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,9 @@ using namespace std::chrono_literals;
 /// value.
 template <class Condition>
 bool eventually(const Condition& condition, std::chrono::milliseconds timeout);
+
+/// What a program printed or wrote. Throws nlohmann::json::parse_error.
+nlohmann::json parse_json(const std::string& text);
 
 class Process {
  public:

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "sprag/detail/filter/tracking_estimator.h"
+#include "sprag/detail/mechanics/linear_algebra.h"
 
 namespace sprag {
 
@@ -70,7 +71,7 @@ inline Eigen::MatrixXd covariance(TrackingEstimator& estimator, const TrackingSt
   estimator.belief(state, belief);
   Eigen::MatrixXd S(2 * belief.q.size(), belief.columns);
   S << belief.S_q, belief.S_u;
-  return S * S.transpose();
+  return product(S, S.transpose());
 }
 
 }  // namespace sprag

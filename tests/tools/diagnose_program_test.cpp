@@ -51,7 +51,7 @@ TEST_F(DiagnoseProgramTest, NamesWrongRestitutionAsIdentifyOneParameterAtATime) 
                            "99.99 % of the misfit"),
             std::string::npos)
       << ended.out;
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const auto report = test::parse_json(read_text(path("report.json")));
   EXPECT_EQ(report["explanation"], "impact.restitution");
   EXPECT_EQ(report["fits"], false);
   EXPECT_EQ(report["exit"], 3);
@@ -64,7 +64,7 @@ TEST_F(DiagnoseProgramTest, NamesWrongRestitutionAsIdentifyOneParameterAtATime) 
   write_contact_log(log, read(events, 60.0).events, 1, 60.0, std::nullopt);
   const Ended of_log = diagnose({log, paper_beam, "--free", keys, "--json"});
   EXPECT_EQ(of_log.code, 3);
-  const auto object = nlohmann::json::parse(of_log.out);
+  const auto object = test::parse_json(of_log.out);
   EXPECT_EQ(object["parameters"].size(), 2U);
   EXPECT_EQ(object["parameters"][0], report["parameters"][0]);
   EXPECT_EQ(run(IDENTIFY, {events, paper_beam, "--each", "--free", keys, "--json"}).out,

@@ -74,7 +74,7 @@ TEST_F(IdentifyProgramTest, SingleCauseIsNamedAndResultsAreWritten) {
             std::string::npos)
       << ended.out;
   EXPECT_NE(ended.out.find("excitation.amplitude     held"), std::string::npos) << ended.out;
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const auto report = test::parse_json(read_text(path("report.json")));
   EXPECT_EQ(report["fits"], true);
   EXPECT_EQ(report["exit"], 0);
   ASSERT_EQ(report["simplest"].size(), 1U);
@@ -148,7 +148,7 @@ TEST_F(IdentifyProgramTest, AFastContactClockIsNamedAndWritten) {
                                 "--events", path("mended.csv"), "--report", path("report.json")});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   EXPECT_NE(ended.err.find("clock.rate is not listed in [parameters]"), std::string::npos);
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const auto report = test::parse_json(read_text(path("report.json")));
   EXPECT_TRUE(report["clock_ambiguities"].empty());
   const Scene fitted = read_scene(path("fitted.toml"));
   EXPECT_NEAR(fitted.clock.rate, clock.rate, 3e-5);
@@ -165,7 +165,7 @@ TEST_F(IdentifyProgramTest, AFastContactClockIsNamedAndWritten) {
   // The written scene explains the record without changes.
   const Ended again = identify({events, path("fitted.toml"), "--jitter", "1e-5", "--json"});
   EXPECT_EQ(again.code, 0) << again.out;
-  EXPECT_TRUE(nlohmann::json::parse(again.out)["simplest"].at(0).empty()) << again.out;
+  EXPECT_TRUE(test::parse_json(again.out)["simplest"].at(0).empty()) << again.out;
 }
 
 TEST_F(IdentifyProgramTest, AFastContactClockIsTheSingleCauseUnlessItsRateIsAmbiguous) {
@@ -187,7 +187,7 @@ TEST_F(IdentifyProgramTest, AFastContactClockIsTheSingleCauseUnlessItsRateIsAmbi
                            "--free."),
             std::string::npos)
       << ended.out;
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const auto report = test::parse_json(read_text(path("report.json")));
   EXPECT_EQ(report["parameters"].back()["determined"], false);
   ASSERT_EQ(report["clock_ambiguities"].size(), 1U);
   EXPECT_EQ(report["clock_ambiguities"][0]["equals"].size(), 3U);
@@ -249,8 +249,8 @@ TEST_F(IdentifyProgramTest, ALogThatLostRecords) {
   EXPECT_EQ(ended.code, 0) << ended.out << ended.err;
   EXPECT_NE(ended.err.find("events may be missing from t = "), std::string::npos) << ended.err;
   EXPECT_EQ(ended.err.find("everything before is used"), std::string::npos) << ended.err;
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
-  EXPECT_GE(report["stretches"], 2);
+  const auto report = test::parse_json(read_text(path("report.json")));
+  EXPECT_GE(report["stretches"].get<int>(), 2);
   EXPECT_GT(report["impacts"], 200);
   EXPECT_GT(report["to"], 200.0);
   EXPECT_NEAR(report["parameters"][0]["value"].get<double>(), 0.65, 1e-9);
@@ -264,7 +264,7 @@ TEST_F(IdentifyProgramTest, DriftIsReportedAndWritten) {
   ASSERT_EQ(found.code, 0) << found.out << found.err;
   EXPECT_NE(found.out.find("The machine drifts from its model: drift "), std::string::npos)
       << found.out;
-  EXPECT_EQ(nlohmann::json::parse(read_text(path("report.json")))["drift"]["found"], true);
+  EXPECT_EQ(test::parse_json(read_text(path("report.json")))["drift"]["found"], true);
   const Scene fitted = read_scene(path("fitted.toml"));
   EXPECT_GT(fitted.prior.drift, 3e-9);
   EXPECT_LT(fitted.prior.drift, 3e-8);
@@ -313,7 +313,7 @@ correlation = [["beam.damping", "excitation.amplitude", 0.5]]
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
   const Scene fitted = read_scene(path("fitted.toml"));
   const ParameterUncertainty& parameters = fitted.prior.parameters;
-  const auto json = nlohmann::json::parse(ended.out);
+  const auto json = test::parse_json(ended.out);
   ASSERT_EQ(parameters.keys.size(), json["parameters"].size());
   for (std::size_t k = 0; k < parameters.keys.size(); ++k) {
     const auto& of = json["parameters"][k];
@@ -355,7 +355,7 @@ TEST_F(IdentifyProgramTest, ResidualsAreInTheReport) {
   const std::string events = events_of(read_text(scene_file("lab_rig")), 40.0, jitter);
   const Ended ended = identify({events, scene_file("lab_rig"), "--jitter", "2e-4", "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
-  const auto json = nlohmann::json::parse(ended.out);
+  const auto json = test::parse_json(ended.out);
   const auto& residuals = json["residuals"];
   const std::size_t n = residuals["t"].size();
   ASSERT_LE(n, json["impacts"].get<std::size_t>());
@@ -395,7 +395,7 @@ TEST_F(IdentifyProgramTest, DeviationsOfFactorsAreRelativeToTheNewValue) {
       identify({path("events.csv"), scene_file("non_proportional"), "--free",
                 "system.K,impact.restitution", "--output", path("fitted.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
-  const auto json = nlohmann::json::parse(ended.out);
+  const auto json = test::parse_json(ended.out);
   const ParameterUncertainty parameters = read_scene(path("fitted.toml")).prior.parameters;
   ASSERT_EQ(parameters.keys, (std::vector<std::string>{"system.K", "impact.restitution"}));
   EXPECT_NEAR(json["parameters"][0]["value"].get<double>(), 1.1, 1e-6);

@@ -103,7 +103,7 @@ TEST_F(KeptModesProgramTest, MergedBouncesAreIdentifiedAndObserved) {
   ASSERT_TRUE(fitted.kept);
   EXPECT_EQ(fitted.kept->given(), 20);
   EXPECT_EQ(fitted.model.coordinates(), 3);
-  const auto object = nlohmann::json::parse(fit.out);
+  const auto object = test::parse_json(fit.out);
   for (const auto& parameter : object["parameters"]) {
     if (parameter["parameter"] != "system.K") continue;
     const double K = parameter["value"];
@@ -147,7 +147,7 @@ TEST_F(KeptModesProgramTest, ReduceNamesTheKeys) {
   write_rig(10);
   const std::string whole = scene("whole.toml", "", 0.7);
   const Ended ended = run(REDUCE, {whole, "--accuracy", "3e-2", "--json"});
-  const auto report = nlohmann::json::parse(ended.out);
+  const auto report = test::parse_json(ended.out);
   const std::string what = report["what"];
   const std::size_t at = what.find("the scene keeps these with system.modes = ");
   ASSERT_NE(at, std::string::npos) << what;

@@ -200,9 +200,7 @@ class ListenProgramTest : public test::ProgramTest {
     EXPECT_EQ(process.wait(patience), 0) << process.err();
   }
 
-  nlohmann::json report() const {
-    return nlohmann::json::parse(read_text(directory_ / "report.json"));
-  }
+  nlohmann::json report() const { return test::parse_json(read_text(directory_ / "report.json")); }
 
   std::string scene_ = SPRAG_SOURCE_DIR "/scenes/two_stops_beam.toml";
   std::string url_ = test::udp_url();

@@ -191,7 +191,7 @@ TEST_F(OutputsProgramTest, AreColumnsOfASmoothedPath) {
     ticks += smoothed.at("smoothed")[k];
   }
   EXPECT_GT(ticks, 0.0);
-  EXPECT_EQ(nlohmann::json::parse(read_text(path("report.json")))["smoothed_ticks"], ticks);
+  EXPECT_EQ(test::parse_json(read_text(path("report.json")))["smoothed_ticks"], ticks);
 }
 
 }  // namespace

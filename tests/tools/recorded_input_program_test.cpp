@@ -103,7 +103,7 @@ TEST_F(RecordedInputPrograms, GainAndDelayAreIdentified) {
       run(IDENTIFY, {path("events.csv"), given, "--free", "excitation.gain,excitation.delay",
                      "--within", "excitation.gain=0.3", "--output", path("fitted.toml"), "--json"});
   ASSERT_EQ(ended.code, 0) << ended.out << ended.err;
-  const auto json = nlohmann::json::parse(ended.out);
+  const auto json = test::parse_json(ended.out);
   const auto& found = json["parameters"];
   EXPECT_NEAR(found[0]["value"].get<double>(), 1.25, 0.02);
   EXPECT_NEAR(found[1]["value"].get<double>(), 0.001, 0.05 * 0.001);

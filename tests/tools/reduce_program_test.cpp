@@ -93,7 +93,7 @@ TEST_F(ReduceProgramTest, ReducesByRecordingAndObserverConverges) {
   ASSERT_EQ(ended.code, 0) << ended.err;
   EXPECT_EQ(ended.err, "");
   EXPECT_TRUE(ended.out.starts_with("stiff_beam: 3 modes with b_0, b_1, b_2, b_3")) << ended.out;
-  const auto report = nlohmann::json::parse(read_text(path("report.json")));
+  const auto report = test::parse_json(read_text(path("report.json")));
   EXPECT_EQ(report["coordinates"], 7);
   EXPECT_EQ(report["candidates"].back()["correction"], "none");
 
@@ -123,7 +123,7 @@ TEST_F(ReduceProgramTest, ReducesByRecordingAndObserverConverges) {
   write_contact_log(path("events.lcmlog"), recorded.events, 1, 80.0, std::nullopt);
   EXPECT_EQ(reduce({path("events.lcmlog"), beam, "--modes", "3"}).out, ended.out);
   const Ended json = reduce({path("events.csv"), beam, "--modes", "3", "--json"});
-  EXPECT_EQ(nlohmann::json::parse(json.out)["candidates"], report["candidates"]);
+  EXPECT_EQ(test::parse_json(json.out)["candidates"], report["candidates"]);
 }
 
 TEST_F(ReduceProgramTest, WritesTheFewestCoordinatesWithoutEvents) {
@@ -133,7 +133,7 @@ TEST_F(ReduceProgramTest, WritesTheFewestCoordinatesWithoutEvents) {
   ASSERT_EQ(ended.code, 0) << ended.err;
   EXPECT_TRUE(ended.out.starts_with("stiff_beam: of 20 modes the first ")) << ended.out;
   EXPECT_NE(ended.out.find("(b_0, b_1) are enough as well"), std::string::npos) << ended.out;
-  const auto accuracy = nlohmann::json::parse(read_text(path("report.json")));
+  const auto accuracy = test::parse_json(read_text(path("report.json")));
   EXPECT_EQ(accuracy["corrected"]["coordinates"],
             read_scene(path("reduced.toml")).model.coordinates());
   EXPECT_LT(accuracy["corrected"]["coordinates"], accuracy["modes"]);
@@ -149,13 +149,12 @@ TEST_F(ReduceProgramTest, AnAccuracyChoosesTheModesAndEventsTheCorrection) {
   const Ended both = reduce({events, beam, "--accuracy", "1e-2", "--report", path("report.json")});
   ASSERT_EQ(both.code, 0) << both.err;
   EXPECT_NE(both.out.find("Of these modes with the recorded events:"), std::string::npos);
-  const auto of_both = nlohmann::json::parse(read_text(path("report.json")));
-  const auto by_accuracy =
-      nlohmann::json::parse(reduce({beam, "--accuracy", "1e-2", "--json"}).out);
+  const auto of_both = test::parse_json(read_text(path("report.json")));
+  const auto by_accuracy = test::parse_json(reduce({beam, "--accuracy", "1e-2", "--json"}).out);
   EXPECT_EQ(of_both["by_accuracy"]["corrected"], by_accuracy["corrected"]);
   const int modes = by_accuracy["corrected"]["modes"];
   const Ended of_events = reduce({events, beam, "--modes", std::to_string(modes), "--json"});
-  const auto expected = nlohmann::json::parse(of_events.out);
+  const auto expected = test::parse_json(of_events.out);
   for (const auto& [key, value] : expected.items()) EXPECT_EQ(of_both[key], value) << key;
 }
 

@@ -181,7 +181,7 @@ std::vector<std::vector<double>> read_rows(const std::filesystem::path& file) {
 
 class SyncLoggerTest : public test::ProgramTest {
  protected:
-  nlohmann::json report() const { return nlohmann::json::parse(read_text(path("report.json"))); }
+  nlohmann::json report() const { return test::parse_json(read_text(path("report.json"))); }
 
   std::string scene_ = write_text(directory_ / "scene.toml", two_masses_scene).string();
 };
@@ -458,7 +458,7 @@ TEST_F(LiveTest, BadMessagesAreRefusedAndCounted) {
   EXPECT_EQ(end(), 0);
   const auto figures = report();
   EXPECT_EQ(figures["refused"],
-            nlohmann::json::parse(R"({"truncated": 1, "wrong_type": 1, "bad_time": 1})"));
+            test::parse_json(R"({"truncated": 1, "wrong_type": 1, "bad_time": 1})"));
   EXPECT_EQ(figures["ignored"]["wrong_truth_size"], 2);
   EXPECT_EQ(figures["rows"], 2);
   EXPECT_TRUE(says("the master has 3 coordinates, the scene has 2"));
