@@ -1,6 +1,9 @@
 // master_sim: simulates an impacting machine and publishes its contact events. The main loop is
 // MasterProcess::run() in master_process.cpp.
+#include <nlohmann/json.hpp>
+
 #include "command_line/program.h"
+#include "master_sim/machine_json.h"
 #include "master_sim/master_process.h"
 #include "sprag/scene.h"
 
@@ -26,8 +29,16 @@ int main(int argc, char** argv) {
   sprag::add_flag(*app, "!--no-truth", options.truth, "Do not publish the true state");
   sprag::add_flag(*app, "--publish-input", options.publish_input,
                   "Publish the record of the excitation, for observers of a streamed one");
+  bool machine = false;
+  sprag::add_flag(*app, "--machine", machine,
+                  "Simulate nothing: print contacts and outputs of the machine as one JSON object");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    return sprag::run_master(sprag::load_scene(scene, common), options, common, report);
+    const sprag::Scene of = sprag::load_scene(scene, common);
+    if (!machine) return sprag::run_master(of, options, common, report);
+    nlohmann::ordered_json object;
+    sprag::write_machine(of, object);
+    sprag::print_result(object, "", true, report);
+    return sprag::exit_done;
   });
 }

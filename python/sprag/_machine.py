@@ -1,6 +1,6 @@
 """What pictures need of a machine: gaps, units of outputs, damping.
 
-With the compiled part from a Scene. Without it, the program check_scene beside this package reads
+With the compiled part from a Scene. Without it, the program master_sim beside this package reads
 the scene's file.
 """
 
@@ -70,10 +70,10 @@ def _decay_rate(M: Numbers, C: Numbers) -> float | None:
 
 
 def _machine_by_program(file: str) -> Machine:
-    command = [str(_check_scene()), file, "--machine"]
+    command = [str(_master_sim()), file, "--machine"]
     done = subprocess.run(command, capture_output=True, text=True, errors="surrogateescape")
     if done.returncode != 0:
-        raise SceneError(done.stderr.strip().removeprefix("check_scene: "))
+        raise SceneError(done.stderr.strip().removeprefix("master_sim: "))
     machine = json.loads(done.stdout)
     contacts = machine["contacts"]
 
@@ -92,10 +92,10 @@ def _machine_by_program(file: str) -> Machine:
     return Machine(name, f, len(contacts), units, rate, gaps)
 
 
-def _check_scene() -> Path:
+def _master_sim() -> Path:
     for folder in Path(__file__).absolute().parents:
-        for programs in ("tools", "libexec/sprag"):
-            program = folder / programs / "check_scene"
+        for programs in ("master_sim", "libexec/sprag"):
+            program = folder / programs / "master_sim"
             if program.is_file():
                 return program
-    raise Error("a scene needs the package's compiled part, or the program check_scene")
+    raise Error("a scene needs the package's compiled part, or the program master_sim")

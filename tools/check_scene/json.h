@@ -20,8 +20,4 @@ void write_parameters(const Scene& scene, nlohmann::ordered_json& object);
 void write_guaranteed(const std::optional<GuaranteedWidths>& widths,
                       nlohmann::ordered_json& object);
 
-/// Adds what pictures need of the machine: coordinates, contacts, outputs and `decay_rate`, the
-/// alpha of damping C = alpha M, null for other damping.
-void write_machine(const Scene& scene, nlohmann::ordered_json& object);
-
 }  // namespace sprag

@@ -29,18 +29,10 @@ int main(int argc, char** argv) {
   sprag::add_common_options(*app, common);
   sprag::add_scene(*app, common, file);
   sprag::add_flag(*app, "--json", json, "Print one JSON object");
-  bool machine = false;
-  sprag::add_flag(*app, "--machine", machine,
-                  "Check nothing: print contacts and outputs of the machine as one JSON object");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
     const sprag::Scene scene = sprag::load_scene(file, common);
     nlohmann::ordered_json object;
-    if (machine) {
-      sprag::write_machine(scene, object);
-      sprag::print_result(object, "", true, report);
-      return sprag::exit_done;
-    }
     sprag::TrialLimits limits;
     limits.out_of_time = [begin = std::chrono::steady_clock::now()] {
       return std::chrono::steady_clock::now() - begin > longest_trial;
