@@ -4,6 +4,7 @@ import unittest
 
 import numpy as np
 import sprag
+from sprag import _machine
 
 from support import SOURCE, scene
 
@@ -51,6 +52,21 @@ correlation = [["impact.restitution", "beam.damping", -0.3]]
         np.testing.assert_allclose(record.t, rows[:, 0], atol=1e-12)
         np.testing.assert_allclose(record.values, 9.80665 * rows[:, 1], rtol=1e-14)
         self.assertEqual(swept.positions, [0.28])
+
+    def test_pictures_show_the_same_machine_without_the_compiled_part(self):
+        for name in ("paper_beam", "two_stops_beam", "three_ball_chain", "lab_rig"):
+            with self.subTest(name):
+                file = str(SOURCE / "scenes" / f"{name}.toml")
+                of = _machine._machine_by_program(file)
+                expected = _machine.machine_of(scene(name))
+                for field in ("name", "f", "m", "output_units"):
+                    self.assertEqual(getattr(of, field), getattr(expected, field), field)
+                self.assertEqual(of.decay_rate is None, expected.decay_rate is None)
+                if expected.decay_rate is not None:
+                    self.assertAlmostEqual(of.decay_rate / expected.decay_rate, 1.0, 14)
+                t = np.linspace(0.0, 10.0, 7)
+                q = np.random.default_rng(3).normal(size=(7, of.f))
+                np.testing.assert_allclose(of.gaps(t, q), expected.gaps(t, q), atol=1e-13)
 
     def test_restitutions_may_depend_on_the_speed(self):
         line = {"value": 0.9, "slope": -0.05}
