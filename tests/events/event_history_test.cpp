@@ -77,6 +77,7 @@ TEST(EventHistory, DetectsLostRecordsBeforeGivenTime) {
   // Records 2 to 9 are lost.
   history.add(report_of({{5.0, 0, pulse}, {6.0, 0, pulse}, {7.0, 0, pulse}}, 12, 8.0, 0));
   EXPECT_FALSE(history.lost_before(1.2, 4)) << "before the gap";
+  EXPECT_TRUE(history.lost_before(1.5, 0)) << "at its begin";
   EXPECT_TRUE(history.lost_before(3.0, 0)) << "within the gap";
   EXPECT_TRUE(history.lost_before(5.0, 0)) << "the event that ends it";
   EXPECT_FALSE(history.lost_before(6.0, 0));
