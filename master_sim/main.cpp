@@ -13,9 +13,9 @@ int main(int argc, char** argv) {
   sprag::CommonOptions common;
   common.runs_until_signal = true;
   sprag::MasterOptions options;
-  std::filesystem::path scene;
+  std::filesystem::path file;
   sprag::add_common_options(*app, common);
-  sprag::add_scene(*app, common, scene);
+  sprag::add_scene(*app, common, file);
   sprag::add_positive(*app, "--duration", options.duration, "T", "Stop at this simulated time");
   sprag::add_positive_or_max(*app, "--speed", options.speed, "R",
                              "Simulated s per wall s, or max: as fast as it goes [1]");
@@ -34,10 +34,10 @@ int main(int argc, char** argv) {
                   "Simulate nothing: print contacts and outputs of the machine as one JSON object");
 
   return sprag::run_program(argc, argv, *app, common, [&](nlohmann::ordered_json& report) {
-    const sprag::Scene of = sprag::load_scene(scene, common);
-    if (!machine) return sprag::run_master(of, options, common, report);
+    const sprag::Scene scene = sprag::load_scene(file, common);
+    if (!machine) return sprag::run_master(scene, options, common, report);
     nlohmann::ordered_json object;
-    sprag::write_machine(of, object);
+    sprag::write_machine(scene, object);
     sprag::print_result(object, "", true, report);
     return sprag::exit_done;
   });

@@ -375,9 +375,7 @@ TEST(CheckScene, DampingByCouplingIsReported) {
   A.topRightCorner<2, 2>().setIdentity();
   A.bottomLeftCorner<2, 2>() = -scene.model.K.cast<Extended>();
   A.bottomRightCorner<2, 2>() = -scene.model.C.cast<Extended>();
-  const MatrixR S = schur_form(A).S;  // two pairs of conjugate eigenvalues
-  ASSERT_TRUE(S(1, 0) != 0 && S(3, 2) != 0) << S;
-  const auto slowest = static_cast<double>(0.5L * std::max(S(0, 0) + S(1, 1), S(2, 2) + S(3, 3)));
+  const auto slowest = static_cast<double>(general_eigenvalues(A).real().maxCoeff());
   EXPECT_NEAR(a.slow_root, slowest, 1e-13);
   EXPECT_NEAR(a.decades, -2 * slowest / ln10, 1e-13);
 }

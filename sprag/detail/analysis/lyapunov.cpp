@@ -1,6 +1,5 @@
 #include "sprag/detail/analysis/lyapunov.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -45,17 +44,7 @@ Eigen::MatrixXd monodromy(Master& master, double T, long k, long l,
 
 double spectral_radius(const Eigen::MatrixXd& A) {
   if (!A.allFinite()) return A.cwiseAbs().maxCoeff();
-  const MatrixR S = schur_form(A.cast<Extended>()).S;
-  Extended largest = 0;
-  for (Eigen::Index i = 0; i < S.rows(); ++i) {
-    Extended size = std::abs(S(i, i));
-    if (i + 1 < S.rows() && S(i + 1, i) != 0) {  // a conjugate pair; its product is the determinant
-      size = std::sqrt(S(i, i) * S(i + 1, i + 1) - S(i, i + 1) * S(i + 1, i));
-      ++i;
-    }
-    largest = std::max(largest, size);
-  }
-  return static_cast<double>(largest);
+  return static_cast<double>(general_eigenvalues(A.cast<Extended>()).cwiseAbs().maxCoeff());
 }
 
 double largest_exponent(Master& master, double T, long k, long l,

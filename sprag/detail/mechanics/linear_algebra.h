@@ -132,6 +132,8 @@ struct SchurForm {
   MatrixR U, S;
 };
 SchurForm schur_form(const MatrixR& A);
+/// All eigenvalues of any A, n x n. Throws ModelError if they were not found.
+VectorCR general_eigenvalues(const MatrixR& A);
 
 /// K v = value M v with M positive definite and v^T M v = 1. Throws ModelError without a solution.
 Eigenpairs eigenpairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);

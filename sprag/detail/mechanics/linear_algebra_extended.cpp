@@ -1,11 +1,21 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <cmath>
 
 #include "sprag/detail/mechanics/linear_algebra.h"
 #include "sprag/model.h"
 
 namespace sprag {
+namespace {
+
+Eigen::RealSchur<MatrixR> real_schur(const MatrixR& A, bool with_U) {
+  Eigen::RealSchur<MatrixR> schur(A, with_U);
+  if (schur.info() != Eigen::Success) throw ModelError("eigenvalues were not found");
+  return schur;
+}
+
+}  // namespace
 
 MatrixR product(const Eigen::Ref<const MatrixR>& A, const Eigen::Ref<const MatrixR>& B) {
   if (A.isDiagonal(0)) return A.diagonal().asDiagonal() * B;
@@ -49,11 +59,24 @@ MatrixR solve_definite(const MatrixR& M, const MatrixR& B) {
 }
 
 SchurForm schur_form(const MatrixR& A) {
-  const Eigen::RealSchur<MatrixR> schur(A);
-  if (schur.info() != Eigen::Success) {
-    throw ModelError("eigenvalues were not found");
-  }
+  const Eigen::RealSchur<MatrixR> schur = real_schur(A, true);
   return {schur.matrixU(), schur.matrixT()};
+}
+
+VectorCR general_eigenvalues(const MatrixR& A) {
+  const MatrixR S = real_schur(A, false).matrixT();
+  VectorCR values(S.rows());
+  for (Eigen::Index i = 0; i < S.rows(); ++i) {
+    values[i] = S(i, i);
+    if (i + 1 == S.rows() || S(i + 1, i) == 0) continue;
+    // A conjugate pair.
+    const Extended p = (S(i, i) - S(i + 1, i + 1)) / 2;
+    const Extended imaginary = std::sqrt(std::abs(p * p + S(i, i + 1) * S(i + 1, i)));
+    values[i] = {S(i + 1, i + 1) + p, imaginary};
+    values[i + 1] = std::conj(values[i]);
+    ++i;
+  }
+  return values;
 }
 
 ExtendedEigenpairs eigenpairs(const MatrixR& A) {
